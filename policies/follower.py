@@ -57,26 +57,27 @@ def _nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
     """Distances (n,) [m] along `path`, in [low, high], of its points nearest to
     `points` (n, 2).
     """
-    starts = path.points[:-1]
+    # the foot of the perpendicular on each of m segments, (n, m), kept within it
+    from_start = points[:, None] - path.points[:-1]
     steps = np.diff(path.points, axis=0)
     lengths = np.diff(path.travel)
-    along = np.einsum("nms,ms->nm", points[:, None] - starts, steps) / lengths
-    # the nearest point of each segment, then the nearest of these
+    along = np.einsum("nms,ms->nm", from_start, steps) / lengths
     travel = path.travel[:-1] + np.clip(along, 0.0, lengths)
     travel = np.clip(travel, low[:, None], high[:, None])
+
+    # the nearest of these
     distance = np.linalg.norm(path.at(travel) - points[:, None], axis=-1)
-    best = np.argmin(distance, axis=1)
-    along_path: Array = travel[np.arange(len(points)), best]
-    return along_path
+    segment = np.argmin(distance, axis=1)
+    nearest: Array = travel[np.arange(len(points)), segment]
+    return nearest
 
 
 def tangents(path: Path, travel: Array) -> Array:
     """Unit tangents (n, 2) of `path` at distances `travel` (n,) [m]; constant beyond
     its end.
     """
-    segment = np.clip(
-        np.searchsorted(path.travel, travel, side="right") - 1, 0, len(path.travel) - 2
-    )
+    before = np.searchsorted(path.travel, travel, side="right") - 1
+    segment = np.clip(before, 0, len(path.travel) - 2)
     steps = np.diff(path.points, axis=0)[segment]
     units: Array = steps / np.linalg.norm(steps, axis=-1, keepdims=True)
     return units

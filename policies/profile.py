@@ -19,15 +19,20 @@ def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
     before `contact_x` (n,) lies flat, so that this is also its arc length. The last
     point is the gripper's, `grip` (n, 2).
     """
-    share = np.linspace(0.0, 1.0, POINTS)
-    at = contact_x[:, None] + share * (arc[:, -1] - contact_x)[:, None]
-    # last one before each point
-    node = (arc[:, None, :] <= at[:, :, None]).sum(axis=-1) - 1
-    node = np.clip(node, 0, arc.shape[1] - 2)
+    fractions = np.linspace(0.0, 1.0, POINTS)
+    lifted = arc[:, -1] - contact_x  # m
+    wanted = contact_x[:, None] + fractions * lifted[:, None]
+
+    # the last node at or before each point, and the next one
+    is_before = arc[:, None, :] <= wanted[:, :, None]
+    node = np.clip(is_before.sum(axis=-1) - 1, 0, arc.shape[1] - 2)
+    following = node + 1
+
     strip = np.arange(len(arc))[:, None]
-    part = (at - arc[strip, node]) / (arc[strip, node + 1] - arc[strip, node])
-    before, after = shapes[strip, node], shapes[strip, node + 1]
-    points: Array = (1 - part)[..., None] * before + part[..., None] * after
+    start = arc[strip, node]
+    t = (wanted - start) / (arc[strip, following] - start)
+    t = t[..., None]
+    points: Array = (1 - t) * shapes[strip, node] + t * shapes[strip, following]
     points[:, -1] = grip
     return points
 
@@ -44,6 +49,5 @@ def image_profile(
     """
     if len(points) < 2 or not np.isfinite(contact_x):
         return np.full((1, POINTS, 2), np.nan)
-    return even_points(
-        np.vstack([(contact_x, CONTACT_HEIGHT), points, gripper]), POINTS
-    )[None]
+    midline = np.vstack([(contact_x, CONTACT_HEIGHT), points, gripper])
+    return even_points(midline, POINTS)[None]

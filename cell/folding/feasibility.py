@@ -149,20 +149,18 @@ def _foresee(request: Request, calibration: Calibration) -> Feasibility:
     seen_by = corrected_calibration(calibration, settings, strip)
     unknown = () if folds is None else folds.trace.reshape(-1, 2)
     carry_at = partial(_carry_at, settings, request, policy)
-    problems = (
-        *filter(None, [refusal]),
-        *(check.sentence() for check in check_scope(strip) if not check.passed),
-        *_height_problems(settings, strip, lift),
-        *path_problems(np.vstack([passed, *unknown]), carry, settings, carry_at),
-        *_view_problems(passed, strip, seen_by),
-        *(
-            _hand_problems(installation, strip, path)
-            if settings.arm_driver.real
-            else ()
-        ),
-        *_reach_problems(reach),
+
+    problems = [refusal] if refusal else []
+    problems += (each.sentence() for each in check_scope(strip) if not each.passed)
+    problems += _height_problems(settings, strip, lift)
+    problems += path_problems(np.vstack([passed, *unknown]), carry, settings, carry_at)
+    problems += _view_problems(passed, strip, seen_by)
+    if settings.arm_driver.real:
+        problems += _hand_problems(installation, strip, path)
+    problems += _reach_problems(reach)
+    return Feasibility(
+        request, path, speeds, reach, folds, calibration, tuple(problems)
     )
-    return Feasibility(request, path, speeds, reach, folds, calibration, problems)
 
 
 def _other_policies(refused: Feasibility) -> Iterator[str]:

@@ -83,6 +83,7 @@ def observe(
     if isinstance(calibration, Path):
         calibration = load_calibration(calibration)
     check_free(folder)
+
     begin = 0.0
     by_board = calibration is None
     if calibration is None:
@@ -93,6 +94,7 @@ def observe(
     first = next(frames, None)
     if first is None:
         raise ConfigurationError(f"{film}: holds no image")
+
     appearance = _appearance(first, film, calibration, strip, by_board=by_board)
     clip = _clip(first, film, calibration, strip) if by_board else None
     held_end = HeldEnd(calibration, strip, appearance, clip)
@@ -104,13 +106,12 @@ def observe(
                 frames, held_end, layers, calibration, overlay, progress
             )
         _check_enough(measured, film)
-        _write(
-            new_run, measured, _held_path(measured, strip), strip, calibration, touch
-        )
+        path = _held_path(measured, strip)
+        _write(new_run, measured, path, strip, calibration, touch)
         write_document(new_run / RUN, _header(cell, strip, calibration, measured))
-    return FilmMeasurement(
-        folder, begin, len(measured), sum(map(_is_confident, measured)), touch
-    )
+
+    confident = sum(map(_is_confident, measured))
+    return FilmMeasurement(folder, begin, len(measured), confident, touch)
 
 
 def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Frame]:
@@ -247,13 +248,16 @@ def _write(
     """
     rows = [sight_row(held.measurement) for held in measured if _is_confident(held)]
     sights = pa.Table.from_pylist(rows, SIGHT_ROWS)
-    stamps, contacts = np.asarray(sights["stamp"]), np.asarray(sights["contact_x"])
-    # the clip's place
+    stamps = np.asarray(sights["stamp"])
+    contacts = np.asarray(sights["contact_x"])
+    # what seems to touch the desk there is the clip
     contacts = np.where(contacts > strip.length - FLAT_LENGTH, np.nan, contacts)
+
     contact_x, contact_t = place_contacts(path["t"], stamps, contacts)
     ticks = {**path, "contact_x": contact_x, "contact_t": contact_t}
     write_tables(folder, sight_tables(sights) | {TICKS: pa.table(ticks)})
     save_calibration(calibration, folder / CALIBRATION)
+
     result: dict[str, object] = {"schema": 1, "outcome": "path_done"}
     if touch is not None:
         result |= {"outcome": "layer_touch", **touch.facts()}

@@ -113,14 +113,19 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Regi
     It covers whole cells of CELL_PX. The strip is fixed at x = 0: the region ends on
     the right half way between its length and the gripper.
     """
-    top = max(gripper.z + ABOVE_GRIPPER, FOLD)
-    half_way = min(max((length + gripper.x) / 2, length / 2), length)
-    corners = [(x, z) for x in (STRIP_START, half_way + BEYOND) for z in (-BELOW, top)]
-    pixels = calibration.to_image(np.array(corners))
+    half_way = max(length + gripper.x, length) / 2
+    x_end = min(half_way, length) + BEYOND
+    z_end = max(gripper.z + ABOVE_GRIPPER, FOLD)
+    outline = [(STRIP_START, -BELOW), (STRIP_START, z_end)]
+    outline += [(x_end, -BELOW), (x_end, z_end)]
+    pixels = calibration.to_image(np.array(outline))
 
     size = np.array([calibration.lens.width, calibration.lens.height])
-    first = np.clip(pixels.min(axis=0), 0, size - 2) // CELL_PX * CELL_PX
+    first = np.clip(pixels.min(axis=0), 0, size - 2)
     last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size)
+
+    # whole cells
+    first = first // CELL_PX * CELL_PX
     end = np.minimum(np.ceil(last / CELL_PX) * CELL_PX, size)
     left, top_row = first.astype(int).tolist()
     right, bottom = end.astype(int).tolist()

@@ -181,16 +181,11 @@ def learn_background(
     """
     height, width = image.shape[:2]
     x = np.linspace(0.0, resting.length + END_MARGIN, 60)
-
-    def line_at(z: float) -> tuple[Array, Array]:
-        """Image columns and rows (60,) of the points at `x` and at height `z` [m]."""
-        u, v = calibration.to_image(np.insert(x[:, None], 1, z, axis=1)).T
-        return u, v
-
-    on_desk, _ = line_at(0.0)
+    on_desk, _ = _image_line(calibration, x, 0.0)
     left, right = max(int(on_desk[0]), 0), min(int(on_desk[-1]) + 1, width - 1)
     columns = np.arange(left, right)
-    top, bottom = (np.interp(columns, *line_at(z)) for z in (resting.high, resting.low))
+    top = np.interp(columns, *_image_line(calibration, x, resting.high))
+    bottom = np.interp(columns, *_image_line(calibration, x, resting.low))
 
     begins = np.maximum(np.floor(top).astype(int), EDGE)
     ends = np.minimum(np.ceil(bottom).astype(int), height - EDGE - 1) + 1
@@ -202,6 +197,12 @@ def learn_background(
     is_desk = np.arange(height)[:, None] >= edge
     shade = np.where(is_desk, DESK_SHADE, LIFTED_SHADE).astype(np.float32)
     return Background(empty, shade, Sizes.of_camera(calibration).light)
+
+
+def _image_line(calibration: Calibration, x: Array, z: float) -> tuple[Array, Array]:
+    """Image columns and rows (n,) [px] of the points at `x` (n,) and height `z` [m]."""
+    u, v = calibration.to_image(np.insert(x[:, None], 1, z, axis=1)).T
+    return u, v
 
 
 def _bridge(column: Image, begin: int, end: int) -> None:

@@ -122,15 +122,22 @@ def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
     """
     sequence = index(line["sequence"])
     zero = lift if isfinite(lift) else 0.0
-    stamp, arrival = (float(line[name]) - zero for name in ("stamp", "arrival"))
+    stamp = float(line["stamp"]) - zero
+    arrival = float(line["arrival"]) - zero
     if sequence < 0 or not (isfinite(stamp) and isfinite(arrival)):
         raise ValueError("an image has no number or no time")
+
     file = frame_file(folder, sequence)
-    stored = file if file.is_file() else None
-    source, sha256 = str(line.get("source", "")), str(line.get("sha256") or "")
     film = line.get("film")
-    in_film = None if film is None else int(film)
-    return FrameNote(sequence, stamp, arrival, source, sha256, stored, in_film)
+    return FrameNote(
+        sequence,
+        stamp,
+        arrival,
+        source=str(line.get("source", "")),
+        sha256=str(line.get("sha256") or ""),
+        file=file if file.is_file() else None,
+        film=None if film is None else int(film),
+    )
 
 
 class FrameWriter:

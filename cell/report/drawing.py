@@ -282,19 +282,25 @@ def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[An
     """Yield each cell of a mesh that is no colour scale: two corners x, y [pt], and a
     label.
     """
-    meshes = [mesh for mesh in axes.collections if hasattr(mesh, "get_coordinates")]
-    for mesh in meshes if axes.get_label() != "<colorbar>" else ():
+    if axes.get_label() == "<colorbar>":
+        return
+    to_display = axes.transData
+    meshes = (mesh for mesh in axes.collections if hasattr(mesh, "get_coordinates"))
+    for mesh in meshes:
         corners = mesh.get_coordinates()
         values = np.ma.filled(mesh.get_array(), np.nan)
         for (i, j), value in np.ndenumerate(values):
-            ends = axes.transData.transform(corners[[i, i + 1], [j, j + 1]])
-            middle = axes.transData.inverted().transform(ends.mean(axis=0))
-            coordinates = (
-                f"{axis['name'] or 'y'} {v:.3g} {axis['unit']}".strip()
-                for axis, v in zip((x, y), middle, strict=True)
-            )
+            ends = to_display.transform(corners[[i, i + 1], [j, j + 1]])
+            # halfway as drawn, on a logarithmic axis too
+            middle = to_display.inverted().transform(ends.mean(axis=0))
+            where = ", ".join(map(_coordinate_text, (x, y), middle))
             text = _number(value) if np.isfinite(value) else "none"
-            yield [*_box(figure, ends), f"{', '.join(coordinates)}: {text}"]
+            yield [*_box(figure, ends), f"{where}: {text}"]
+
+
+def _coordinate_text(axis: Facts, value: float) -> str:
+    """Text of a coordinate, with the name and unit of its axis."""
+    return f"{axis['name'] or 'y'} {value:.3g} {axis['unit']}".strip()
 
 
 def _box(figure: Any, ends: Array) -> list[float]:

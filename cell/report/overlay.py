@@ -357,13 +357,13 @@ def _outlines(run: Run, shown: ShownImages) -> Iterator[Silhouette]:
     appearance = inspect(before, calibration, strip).appearance
     if appearance is None:
         return
+
     perception = Perception(calibration, strip, appearance)
     for note, image in shown.read(shown.laid):
         if not calibration.lens.fits(image):
             continue
-        pixels = perception.outline(
-            replace(before, image=image), run.ticks.pose_at(note.stamp)
-        )
+        gripper = run.ticks.pose_at(note.stamp)
+        pixels = perception.outline(replace(before, image=image), gripper)
         if len(pixels):
             state = state_at(run, note.stamp)
             plane = calibration.to_plane(pixels)

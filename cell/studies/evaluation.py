@@ -201,24 +201,26 @@ def tables(
     """Columns, rows and title of the final evaluation, and of the errors by hidden
     effect.
     """
-    side = len(evaluations[0].displacement)
-    rows = []
-    for evaluation in evaluations:
-        misses = evaluation.misses
-        sizes = (
-            f"{1e3 * d:.1f}" for d in (misses.mean, misses.quantile_95, misses.worst)
-        )
-        rows.append((ENGINES[evaluation.engine], *sizes, str(evaluation.untouched)))
     columns = ("mean mm", "95 % mm", "worst mm", "without a touch")
-    yield (
-        ("folded on", *columns),
-        rows,
-        f"|d| over {side} x {side} strips of the paper's range",
-    )
-    rows = []
-    for error in errors:
-        facts = error.facts()
-        sizes = (f"{1e3 * facts[key]:.2f}" for key in ("bias", "mean", "p95", "worst"))
-        rows.append((error.effect, *sizes, str(facts["untouched"])))
-    if rows:
+    side = len(evaluations[0].displacement)
+    title = f"|d| over {side} x {side} strips of the paper's range"
+    yield ("folded on", *columns), [_evaluation_row(e) for e in evaluations], title
+
+    if errors:
+        rows = [_effect_row(error) for error in errors]
         yield ("hidden", "mean d mm", *columns), rows, "d in the rod, by hidden effect"
+
+
+def _evaluation_row(evaluation: Evaluation) -> tuple[str, ...]:
+    """Engine, sizes of |d| [mm] and number without a touch of the final evaluation."""
+    misses = evaluation.misses
+    sizes = (misses.mean, misses.quantile_95, misses.worst)
+    texts = (f"{1e3 * size:.1f}" for size in sizes)
+    return ENGINES[evaluation.engine], *texts, str(evaluation.untouched)
+
+
+def _effect_row(error: EffectErrors) -> tuple[str, ...]:
+    """Effect, its mean d and sizes of |d| [mm], and number without a touch."""
+    facts = error.facts()
+    texts = (f"{1e3 * facts[key]:.2f}" for key in ("bias", "mean", "p95", "worst"))
+    return error.effect, *texts, str(facts["untouched"])

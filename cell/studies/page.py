@@ -433,16 +433,17 @@ def _draw_map(axes: Any, folds: RangeFolds) -> Any:
     damping = _cell_borders(1.0, DAMPING_RATIO, folds.side)  # over the least
     d = 1e3 * folds.displacement_grid
     colours = axes.pcolormesh(stiffness, damping, d.T, cmap="RdBu_r", norm=norm, lw=0)
+
     axes.set(xscale="log", xlim=stiffness[[0, -1]], yscale="log", ylim=damping[[0, -1]])
     axes.set_xticks([0.02, 0.06, 0.2], ["0.02", "0.06", "0.2"])
     axes.set_yticks([1, 7, 50], ["1", "7", "50"])
     axes.minorticks_off()
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
+
+    name = folds.policy
+    axes.set_title(name, fontsize=9.5, color=colour(name), loc="left", pad=25)
     misses = Misses.from_displacements(folds.displacement_grid)
-    axes.set_title(
-        folds.policy, fontsize=9.5, color=colour(folds.policy), loc="left", pad=25
-    )
     caption = f"mean {numeral(misses.mean)}\nworst {numeral(misses.worst)}"
     axes.text(0, 1.03, caption, transform=axes.transAxes, fontsize=8.2, color=MUTED)
     axes.set_xlabel("stiffness  [N m/rad]", fontsize=8)

@@ -195,16 +195,15 @@ class MotionProfile:
         request.target_position = goal
         request.target_velocity = _STILL
         self._target = None
-        straight = not any(self._velocity) and not any(self._acceleration)
-        change = (
-            [g - p for g, p in zip(goal, self._position, strict=True)]
-            if straight
-            else _STILL
-        )
+
+        change = _STILL
+        if not any(self._velocity) and not any(self._acceleration):
+            change = [g - p for g, p in zip(goal, self._position, strict=True)]
         _limit(request, self._limits, change)
         request.max_velocity = _share(request.max_velocity, change)
         self._calculate(request, self._plan, self._state)
         self._elapsed = 0
+
         if self._leaving(self._plan):
             self._follow(_STILL)
             self._next_move = goal

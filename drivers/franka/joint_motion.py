@@ -200,20 +200,23 @@ class CommandedJoints:
         one.
         """
         sent = self._sent
-        went_on = self._nearest(state, (before, *sent), holds=self.holds)
+        found = self._nearest(state, (before, *sent), holds=self.holds)
         otherwise = self._nearest(state, (before, *sent), holds=not self.holds)
-        if otherwise.off < ROUNDING < SURE * went_on.off:
+        if otherwise.off < ROUNDING < SURE * found.off:
             self.holds = not self.holds
-            went_on = otherwise
-        while sent and sent[0].due <= went_on.sent.due:
+            found = otherwise
+
+        # commands up to that one are answered, or lost
+        while sent and sent[0].due <= found.sent.due:
             sent.popleft()
-        got_none = went_on.sent is before
+        got_none = found.sent is before
         self.stands = self.holds and got_none and bool(sent)
-        self._alone = self._ticks_since(went_on.sent) + got_none * self._alone
-        self.setpoint = went_on.setpoint
-        if went_on.off > 0.0:
-            ticks = max(self._ticks_since(went_on.sent), 1)
-            self.setpoint = went_on.setpoint.moved_to(state.q_d, ticks)
+        since = self._ticks_since(found.sent)
+        self._alone = since + got_none * self._alone
+
+        self.setpoint = found.setpoint
+        if found.off > 0.0:
+            self.setpoint = found.setpoint.moved_to(state.q_d, max(since, 1))
 
     def _nearest(
         self, state: Any, known: Sequence[SentCommand], *, holds: bool

@@ -80,29 +80,46 @@ class RecentImages:
         values = self._values
         with np.errstate(invalid="ignore"):
             since_newest = self._stamps - self.newest[:, None]  # s, negative
-        counts = (np.nan_to_num(since_newest, nan=-np.inf) >= -WINDOW_TIME)[..., None]
+        is_recent = np.nan_to_num(since_newest, nan=-np.inf) >= -WINDOW_TIME
+        counts = is_recent[..., None]
         t = np.where(counts, since_newest[..., None], 0.0)
+
         weight = np.broadcast_to(counts, values.shape).astype(np.float64)
         for _ in range(PASSES):
-            value, rate = _fit_line(t, values, weight)
-            deviation = values - value[:, None] - rate[:, None] * t
-            weight = counts / (1.0 + (deviation / OUTLIER_DEVIATION) ** 2)
-        value, rate = _fit_line(t, values, weight)
-        deviation = np.where(counts, values - value[:, None] - rate[:, None] * t, 0.0)
-        spread = np.sqrt((deviation**2).sum(axis=1) / np.maximum(counts.sum(axis=1), 1))
-        return Trend(value, rate, spread)
+            line = _fit_line(t, values, weight)
+            ratio = _residuals(t, values, line) / OUTLIER_DEVIATION
+            weight = counts / (1.0 + ratio**2)
+        line = _fit_line(t, values, weight)
+
+        squares = np.where(counts, _residuals(t, values, line), 0.0) ** 2
+        images = np.maximum(counts.sum(axis=1), 1)
+        return Trend(*line, np.sqrt(squares.sum(axis=1) / images))
 
 
 def _fit_line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
     """Values at t = 0 and slopes (n, channels) of weighted lines, with a ridge on the
     slopes.
+
+    Cramer's rule for the normal equations, whose moments are s_k = sum w t^k and
+    y_k = sum w t^k y.
     """
-    # moments of the normal equations: sums of w t^k, and of w t^k y
+    first = weight * t
     s0 = weight.sum(axis=1) + 1e-12
-    s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + RATE_NOISE
-    y0, y1 = (weight * values).sum(axis=1), (weight * values * t).sum(axis=1)
+    s1 = first.sum(axis=1)
+    s2 = (first * t).sum(axis=1) + RATE_NOISE
+    y0 = (weight * values).sum(axis=1)
+    y1 = (weight * values * t).sum(axis=1)
+
     rate = (s0 * y1 - s1 * y0) / (s0 * s2 - s1 * s1)
     return (y0 - s1 * rate) / s0, rate
+
+
+def _residuals(t: Array, values: Array, line: tuple[Array, Array]) -> Array:
+    """Deviations (n, count, channels) of `values` at times `t` from `line`, a value at
+    t = 0 and a slope.
+    """
+    value, rate = line
+    return values - value[:, None] - rate[:, None] * t
 
 
 class Features:

@@ -56,7 +56,10 @@ def sources(
     """
     digest = hashlib.sha256()
     for pattern in patterns:
-        for path in sorted(p for place in paths for p in _files(ROOT / place, pattern)):
+        files: list[Path] = []
+        for folder_or_file in paths:
+            files += _files(ROOT / folder_or_file, pattern)
+        for path in sorted(files):
             name = path.relative_to(ROOT).as_posix()
             if not name.startswith(without):
                 digest.update(name.encode() + b"\0" + path.read_bytes())

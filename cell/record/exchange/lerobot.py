@@ -471,19 +471,29 @@ def _read_episode(
     for key, value in row.items():
         if key.startswith("cell/") and value:
             documents[key.removeprefix("cell/")] = str(value).encode()
+
     frames = read(path).filter(pc.field("episode_index") == row["episode_index"])
-    names = [MEASURED.sub("measured.", column) for column in frames.column_names]
-    frames = frames.rename_columns(names)
-    points = [POINTS_TABLE] if POINTS_STAMP in names else []
-    videos = (
-        name for name, each in info["features"].items() if each.get("dtype") == "video"
-    )
-    cameras = (f"videos/{name}" for name in videos)
-    camera = next((name for name in cameras if f"{name}/file_index" in row), "")
-    pattern = info.get("video_path") or VIDEO
-    film = _path_in_set(root, pattern, camera, row) if camera else None
-    begin = float(row[f"{camera}/from_timestamp"]) if camera else 0.0
-    return Episode(path, name, documents, [EPISODE, *points], frames, film, begin, info)
+    columns = [MEASURED.sub("measured.", column) for column in frames.column_names]
+    frames = frames.rename_columns(columns)
+    tables = [EPISODE]
+    if POINTS_STAMP in columns:
+        tables.append(POINTS_TABLE)
+
+    film, begin = None, 0.0
+    camera = _first_camera(info, row)
+    if camera is not None:
+        film = _path_in_set(root, info.get("video_path") or VIDEO, camera, row)
+        begin = float(row[f"{camera}/from_timestamp"])
+    return Episode(path, name, documents, tables, frames, film, begin, info)
+
+
+def _first_camera(info: Mapping[str, Any], row: Mapping[str, Any]) -> str | None:
+    """Key `videos/CAMERA` of the first camera that filmed the episode of a `row`."""
+    for name, feature in info["features"].items():
+        key = f"videos/{name}"
+        if feature.get("dtype") == "video" and f"{key}/file_index" in row:
+            return key
+    return None
 
 
 def _path_in_set(root: Path, pattern: str, key: str, row: Mapping[str, Any]) -> Path:

@@ -237,10 +237,12 @@ class McapFile(Source):
         for writer in {by.id for _, by, _ in of_topic}:
             times = [each.log_time for each, by, _ in of_topic if by.id == writer]
             self._check_clock(np.array(times) / NANOSECONDS, topic)
+
         rows: list[Row] = []
         unread: set[str] = set()
         values = 0
-        for message, by, schema in sorted(of_topic, key=lambda each: each[0].log_time):
+        in_time = sorted(of_topic, key=lambda each: each[0].log_time)
+        for message, by, schema in in_time:
             parts = self._parts(message, by, schema)
             if parts is None:
                 kind = schema.encoding if schema else ""
@@ -252,7 +254,8 @@ class McapFile(Source):
                     f"{self.path}: topic {topic!r}: holds over {MOST_VALUES} values;"
                     " cut the recording, or leave point clouds out"
                 )
-            rows += [{**row, LOG_TIME: message.log_time / NANOSECONDS} for row in parts]
+            logged = {LOG_TIME: message.log_time / NANOSECONDS}
+            rows += [row | logged for row in parts]
         return rows, unread
 
     def _parts(

@@ -153,11 +153,9 @@ class Port(ABC, Generic[K]):
         elif descriptor in self._guests:
             self._greet(self._guests[descriptor])
         client = self.client
-        if (
-            client is not None
-            and descriptor == client.fileno()
-            and not self._serve(client)
-        ):
+        if client is None or descriptor != client.fileno():
+            return
+        if not self._serve(client):
             client.reset_on_close()
             self.drop()
 

@@ -31,7 +31,7 @@ def _points(
 
 def test_order_of_touches_has_no_influence() -> None:
     points = _points()
-    points[4] = replace(points[4], position=points[4].place + 0.02)
+    points[4] = replace(points[4], position=points[4].position + 0.02)
     order = np.random.default_rng(3).permutation(len(points))
     one = touch_verdict(points, LENS, SETTINGS)
     other = touch_verdict([points[i] for i in order], LENS, SETTINGS)
