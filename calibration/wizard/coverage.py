@@ -187,19 +187,23 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
     clockwise.
     """
     corners = project_outline(view, outline) / (lens.width, lens.height)
+    x, y = corners.T
+    # shoelace formula
+    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+    # angle between two sides, as in ROS's camera calibrator
     aspect = np.array([lens.width / lens.height, 1.0])
     top = (corners[0] - corners[1]) * aspect
     right = (corners[2] - corners[1]) * aspect
     cosine = top @ right / (np.linalg.norm(top) * np.linalg.norm(right))
-    x, y = corners.T
-    # shoelace formula
-    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    angle = acos(np.clip(cosine, -1.0, 1.0))
+
     tilt, turn = view.tilt(lens)
     return Placement(
         x=float(x.mean()),
         y=float(y.mean()),
         size=area**0.5,
-        skew=min(1.0, 2.0 * abs(pi / 2 - acos(np.clip(cosine, -1.0, 1.0)))),
+        skew=min(1.0, 2.0 * abs(pi / 2 - angle)),
         tilt=tilt,
         turn=turn,
     )

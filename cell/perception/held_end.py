@@ -382,15 +382,18 @@ def colour_edge(row: Array, colour: Array, beyond: Array | None = None) -> float
     foreign = away > UNLIKE
     if beyond is not None:
         foreign &= colour_distances(row, beyond[None])[:, 0] < away
+
+    # the first run of `length` samples of another colour
     start = np.argmin(foreign)  # a row may begin in a shadow
-    lasting = np.flatnonzero(
-        np.convolve(foreign[start:], np.ones(length), "valid") == length
-    )
+    in_window = np.convolve(foreign[start:], np.ones(length), "valid")
+    lasting = np.flatnonzero(in_window == length)
     if foreign[start] or len(lasting) == 0:
         return nan
     end = start + lasting[0] + length
+
+    # half of the way from one colour to the other, between two samples
     change = np.median(row[end - length // 2 : end], axis=0) - colour
     progress = (row[start:end] - colour) @ change / (change @ change)  # from 0 to 1
-    # before half the change
     last = int(np.max(np.flatnonzero(progress[:-1] < 0.5), initial=0))
-    return float(start + last + np.interp(0.5, progress[last : last + 2], (0.0, 1.0)))
+    fraction = np.interp(0.5, progress[last : last + 2], (0.0, 1.0))
+    return float(start + last + fraction)

@@ -153,11 +153,14 @@ def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Unde
     across = strip_share(sample_plane(levels, calibration, _grid(x, z)))
     is_strip = across > 0.5
     first = is_strip.argmax(axis=1)  # sample from below, where there is strip at all
+    found = is_strip.any(axis=1) & (first > 0)
+
+    # where the share passes one half, linear between two samples
     rows = np.arange(len(x))
     before = across[rows, np.maximum(first - 1, 0)]
-    part = (0.5 - before) / np.maximum(across[rows, first] - before, 1e-6)
-    low = z[0] + (first - 1 + part) * (z[1] - z[0])
-    found = is_strip.any(axis=1) & (first > 0)
+    rise = np.maximum(across[rows, first] - before, 1e-6)
+    sample = first - 1 + (0.5 - before) / rise
+    low = z[0] + sample * (z[1] - z[0])
     height = np.where(found, low + strip.thickness / 2, nan)
     return Underside(x, height, _free_edge(levels, calibration, strip))
 

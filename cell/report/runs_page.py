@@ -350,23 +350,19 @@ def _shapes(compared: Sequence[Compared]) -> str:
         ends = [one.run.profile.t.max() for one in compared if one.run.profile.t.size]
         times = np.linspace(0.0, min(ends, default=0.0), SHAPES + 1)[1:]
         for number, one in enumerate(compared):
-            ticks, curves = one.run.ticks, one.run.profile.curves()
-            look = {"color": COLOURS[number % len(COLOURS)]}
-            axes.plot(1e3 * ticks.x, 1e3 * ticks.z, **look, lw=1.8, label=one.name)
+            shade = COLOURS[number % len(COLOURS)]
+            path = 1e3 * one.run.ticks.x, 1e3 * one.run.ticks.z
+            axes.plot(*path, color=shade, lw=1.8, label=one.name)
+            curves = one.run.profile.curves()
             for time in times if curves else ():
                 _, points = min(curves, key=lambda curve: abs(curve[0] - time))
-                near = points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
-                axes.plot(
-                    *(1e3 * near).T, **look, lw=0.7, gid=f"{one.name}, {time:.1f} s"
-                )
+                is_near = (np.abs(points) < FARTHEST_HAND).all(axis=1)
+                near = 1e3 * points[is_near]
+                text = f"{time:.1f} s"
+                axes.plot(*near.T, color=shade, lw=0.7, gid=f"{one.name}, {text}")
                 if number == 0 and len(near):
-                    axes.annotate(
-                        f"{time:.1f} s",
-                        1e3 * near[-1],
-                        (3, 0),
-                        fontsize=8,
-                        textcoords="offset points",
-                    )
+                    beside = {"xytext": (3, 0), "textcoords": "offset points"}
+                    axes.annotate(text, near[-1], **beside, fontsize=8)
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
         figure.legend(loc="outside lower left", ncols=2)
         return as_svg(figure)

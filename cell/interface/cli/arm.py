@@ -51,10 +51,10 @@ def home(
     """Move the gripper over the strip's edge, into the arm posture that can follow a
     fold.
     """
-    check_names(configs, strip)
+    found = find_configs(configs)
+    check_names(found, strip)
     from cell.setup.arm import manual_motion
 
-    found = find_configs(configs)
     settings, trial = _agree_to_motion(found.cell(), arm, full_speed, recover=recover)
     lying = found.strip(strip)
     if settings.robot_address is None:
@@ -127,7 +127,8 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
     """Locate desk and fixed edge for the robot: touch three points with its closed
     fingers.
     """
-    check_names(configs, strip)
+    found = find_configs(configs)
+    check_names(found, strip)
     import numpy as np
 
     from cell.setup.arm.manual_motion import robot_task
@@ -138,7 +139,6 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
         write_mounting,
     )
 
-    found = find_configs(configs)
     robot = robot_task(found.cell())
     length = found.strip(strip).length
     from drivers.franka.joint_requests import hand_pose

@@ -255,7 +255,7 @@ def observe(
 
     The strip lies flat and still as the film begins. No arm need be in view.
     """
-    check_names(configs, strip)
+    check_names(find_configs(configs), strip)
     if board == (calibration is not None):
         raise ConfigurationError("observe: give either --board or --calibration FILE")
     from cell.folding.observe import observe as read

@@ -211,10 +211,10 @@ def fold(given: FoldOptions) -> None:
     """Fold a strip in half, record the run, and print how well its edges are
     aligned.
     """
-    options.check_names(given.configs, given.strip, given.policy)
+    configurations = find_configs(given.configs)
+    options.check_names(configurations, given.strip, given.policy)
     name = given.strip_name()
     close_edges = given.close_edges()
-    configurations = find_configs(given.configs)
     plant_files = [
         configurations.plant_path(name_or_path) for name_or_path in given.plant or []
     ]

@@ -110,14 +110,13 @@ def plan(
     """Fold the standard runs, by which `cell gap fit` identifies what a strip's model
     lacks.
     """
-    check_names(configs, strip)
+    found = find_configs(configs)
+    check_names(found, strip)
     folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
     _check_plan_folder(folder, resume=resume)
     if not dry_run:
         check_recordable(folder)
-    requests = _standard_runs(
-        find_configs(configs), strip, plant, folder, seed, truth=not no_truth
-    )
+    requests = _standard_runs(found, strip, plant, folder, seed, truth=not no_truth)
     if dry_run:
         from cell.folding.request import standard_run
 

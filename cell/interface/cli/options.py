@@ -75,14 +75,14 @@ def strip_names(context: typer.Context) -> list[str]:
         return []
 
 
-def check_names(configs: Path | None, strip: str, policy: str | None = None) -> None:
+def check_names(found: Found, strip: str, policy: str | None = None) -> None:
     """Raise ConfigurationError for the name of a strip or policy that does not exist.
 
     Reads no file and imports nothing heavy, so that a misspelt name is answered at
     once.
     """
     if strip.partition(":")[0] != "unknown":
-        find_configs(configs).strip_path(strip)
+        found.strip_path(strip)
     if policy is not None and ":" not in policy:
         check_known("--policy", policy, policy_names())
 

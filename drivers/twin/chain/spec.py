@@ -338,11 +338,13 @@ class Joints:
         angles = self.angles(position)[:-1]
         along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         normals = left_normals(along)
+
         # velocity of each link's end from its beginning, by its turn and by its stretch
         turning = rate[self.hinges].cumsum()[:-1, None]
         turn = turning * self._lengths(position) * normals
         stretch = np.zeros((len(angles), 1))
         stretch[self.lengthened, 0] = rate[self.slides]
+
         ends = (turn + stretch * along).cumsum(axis=0)
         middles = ends - 0.5 * turn
         if self.edge is not None:

@@ -201,14 +201,15 @@ class Renderer:
             return
         contact = desk_contact(scene.points, CONTACT_HEIGHT)
         bias = self._contact_bias
-        # m, of lint
-        left, right = contact - PILE, contact + max(bias - ABRUPT_LINT, 0.0)
-        if bias < 0:
+        if bias > 0:  # lint
+            left, right = contact - PILE, contact + max(bias - ABRUPT_LINT, 0.0)
+        else:  # glare
             left, right = contact + min(bias + ABRUPT_GLARE, 0.0), contact + PILE
         low = -self._look.thickness / 2
         high = CONTACT_HEIGHT + low + PILE
         corners = np.array([(left, low), (right, low), (right, high), (left, high)])
         outline = self._optics.seen_from(window.origin).plane(corners)
+
         if bias > 0:
             light = np.median(window.crop(self._light))
             fill(part, outline, ribbon.CUT * (self._colour * light))
