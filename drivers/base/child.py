@@ -133,24 +133,25 @@ class Child:
         """
         self._failure: Failure | None = None
         self.pipe, theirs = Pipe()
+        timeout = struct.pack("ll", STALL_TIMEOUT, 0)  # s, us
         with socket.socket(fileno=os.dup(self.pipe.fileno())) as end:
             # a stopped child blocks both
             for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
-                end.setsockopt(
-                    socket.SOL_SOCKET, option, struct.pack("ll", STALL_TIMEOUT, 0)
-                )
+                end.setsockopt(socket.SOL_SOCKET, option, timeout)
+
         name = f"{main.__module__}.{main.__qualname__}"
         shared = [
             value.descriptor for value in arguments if isinstance(value, SharedMemory)
         ]
         paths = os.pathsep.join(path for path in sys.path if path)
+        environment = {**dict.fromkeys(THREADS, "1"), **os.environ, "PYTHONPATH": paths}
         with theirs:
             self._process = subprocess.Popen(  # noqa: S603  this very interpreter
                 [sys.executable, "-P", "-c", BOOT, str(theirs.fileno()), name],
                 pass_fds=[theirs.fileno(), *shared],
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
-                env={**dict.fromkeys(THREADS, "1"), **os.environ, "PYTHONPATH": paths},
+                env=environment,
             )
         self.send(MainCall(main, arguments))
 

@@ -242,20 +242,20 @@ def _write_film(run: Run, path: Path, fps: int) -> tuple[tuple[int, ...], Featur
     Raises ConfigurationError for a run whose film breaks off.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    counts, row = Counter(_newest_images(run)), 0
+    rows_of_image = Counter(_newest_images(run))
+    row = 0
     sample: list[Array] = []
     shape: tuple[int, ...] = ()
     with FilmWriter(path) as film:
         for number, frame in enumerate(Film(run.folder / FILM).frames()):
-            for _ in range(counts[number]):
+            for _ in range(rows_of_image[number]):
                 film.add(row / fps, frame.image)
                 row += 1
-            if counts[number]:
+            if rows_of_image[number]:
                 shape = frame.image.shape
-                sample.append(
-                    frame.image[::SAMPLE, ::SAMPLE, ::-1].reshape(-1, 3) / 255
-                )
-    if row < counts.total():
+                pixels = frame.image[::SAMPLE, ::SAMPLE, ::-1]  # BGR to RGB
+                sample.append(pixels.reshape(-1, 3) / 255)
+    if row < rows_of_image.total():
         raise ConfigurationError(
             f"{run.folder / FILM}: breaks off before the run's end; delete it to export"
             " without a film"

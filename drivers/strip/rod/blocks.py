@@ -60,16 +60,19 @@ def _finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) -
         if lane_of(unsolved, lane) > 0.0:
             batch.monitor[i, at.FAILURE_TIME] = moment.time
             retire(batch, b, lane, observed, k)
-        elif load_lane(batch.alive[b], 0, 0, lane) > 0.0:
-            _copy_midline(batch.state[b], lane, x, z)
-            if len(output.shapes) > 0 and (k + 1) % output.every == 0:
-                shape = output.shapes[(k + 1) // output.every - 1, i]
-                shape[:, 0], shape[:, 1] = x, z
-            row = observed[k, i]
-            height, index = _write_observables(batch, b, lane, (x, z), row)
-            gap = height, at_index(x, index), at_index(batch.arc[i], index)
-            if _watch_gap(batch.monitor[i], gap, moment):
-                retire(batch, b, lane, observed, k)
+            continue
+        if load_lane(batch.alive[b], 0, 0, lane) <= 0.0:
+            continue
+
+        _copy_midline(batch.state[b], lane, x, z)
+        if len(output.shapes) > 0 and (k + 1) % output.every == 0:
+            shape = output.shapes[(k + 1) // output.every - 1, i]
+            shape[:, 0], shape[:, 1] = x, z
+
+        height, index = _write_observables(batch, b, lane, (x, z), observed[k, i])
+        gap = height, at_index(x, index), at_index(batch.arc[i], index)
+        if _watch_gap(batch.monitor[i], gap, moment):
+            retire(batch, b, lane, observed, k)
 
 
 @kernel
