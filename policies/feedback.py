@@ -104,12 +104,11 @@ class Feedback:
         """
         seen = np.isfinite(observation.contact_x)
         self._contact = np.where(seen, observation.contact_x, self._contact)
-        state = (
-            np.stack([observation.x, observation.z, self._contact], axis=-1)
-            / self._length
-        )
-        blind = np.isnan(self._contact)
+        state = np.stack([observation.x, observation.z, self._contact], axis=-1)
+        state = state / self._length
+
         headings = self._network(state.reshape(self._groups, -1, 3)).reshape(-1)
+        blind = np.isnan(self._contact)
         direction = np.where(blind, 0.75 * math.pi, headings)
         done = state[:, 0] < PAST
         return Decision(
@@ -125,7 +124,8 @@ def _limit_directions(direction: Array, x: Array, z: Array) -> Array:
     """
     # heading at a constant distance from the edge
     along_circle = np.arctan2(z, x) + 0.5 * math.pi
-    low = np.where(np.hypot(x, z) > NEARLY_TAUT, along_circle, 0.5 * math.pi)
+    is_taut = np.hypot(x, z) > NEARLY_TAUT
+    low = np.where(is_taut, along_circle, 0.5 * math.pi)
     low = np.where(z > LOFT, np.maximum(low, math.pi), low)
     high = np.where(z < LOWEST_HEIGHT, math.pi, 1.5 * math.pi)
     return np.clip(direction, np.minimum(low, high), high)

@@ -123,6 +123,7 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
     misses = _displacements(strips, speed, coarse) - aim
     _check_reached(strips, misses)
     rough = _interpolate_zeros(coarse, misses)
+
     fine = (np.round(rough)[:, None] + FINE_STEPS).astype(int)
     misses = _displacements(strips, speed, fine) - aim
     brackets_zero = np.any(misses <= 0, axis=1) & np.any(misses >= 0, axis=1)
@@ -167,7 +168,9 @@ def _displacements(strips: Sequence[StripFile], speed: float, steps: Array) -> A
     On triangles raised by `steps` (n, m) of RISE_STEP.
     """
     policy = RaisedTriangles(steps.ravel() * RISE_STEP * strips[0].length)
-    models = [model for model in map(describe, strips) for _ in range(steps.shape[1])]
+    models = []
+    for strip in strips:
+        models.extend([describe(strip)] * steps.shape[1])
     settings = Rollout(speed=speed, sensing=EXACT_SENSING, profile=False)
     rng = np.random.default_rng(0)
     rod = Rod(SEGMENTS, strict=False)

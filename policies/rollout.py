@@ -186,10 +186,10 @@ class _Loop:
         """Poses (substeps, n, 3) of the grippers as their velocities change to the
         decided ones.
         """
-        heading = np.stack(
-            [np.cos(decision.direction), np.sin(decision.direction)], axis=-1
-        )
+        phi = decision.direction
+        heading = np.stack([np.cos(phi), np.sin(phi)], axis=-1)
         decided = decision.speed[:, None] * heading
+
         largest_change = ACCELERATION * self._dt
         poses = np.tile(self.poses, (self._settings.substeps, 1, 1))
         points = self.poses[:, :2]
@@ -226,7 +226,9 @@ class _Loop:
             self._folding = np.array([touch is None for touch in observed.touch])
 
         self._lifted |= poses[-1, :, 1] >= TAKEOVER_HEIGHT
-        counted = self._folding & np.stack([np.ones_like(self._lifted), self._lifted])
+        # sums over the whole fold, and over what follows the take-over
+        in_sum = np.stack([np.ones_like(self._lifted), self._lifted])
+        counted = self._folding & in_sum
         self._force += np.where(counted, np.abs(observed.holding_force), 0.0)
         self._periods += counted
 

@@ -217,10 +217,13 @@ class SimulatedCamera:
         states = self._states
         draws = self._draws
         sensing = self._sensing
+
+        # as it was a delay ago, between two decisions
         after = (self._newest + self._decisions_late) % len(states)
         before = (after + 1) % len(states)
         true = (1 - self._share_late) * states[after, self._strips]
         true += self._share_late * states[before, self._strips]
+
         noise = draws.normal(STATE_SIZE) * sensing.state_sigma * self._factor[:, None]
         state = true[:, :STATE_SIZE] + self._bias + noise
         profile = true[:, STATE_SIZE:].reshape(len(true), self._points, 2)

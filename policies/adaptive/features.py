@@ -156,15 +156,16 @@ class Features:
         """Inputs (n, COUNT) of the critic from observation, rises (n,) [m], mask of
         descents.
         """
-        trend = self._window.trend()
-        x, z, r = (
-            lengths / self._length for lengths in (observation.x, observation.z, rise)
-        )
+        x = observation.x / self._length
+        z = observation.z / self._length
+        r = rise / self._length
         age = np.clip(observation.time - self.newest, 0.0, LARGEST_AGE)
-        profile_noise = trend.spread[:, PROFILE_CHANNELS].mean(axis=1)
-        noise = np.stack([trend.spread[:, CONTACT_CHANNEL], profile_noise], axis=1)
         length = np.full(len(x), self._length / REFERENCE_LENGTH)
         state = np.stack([x, z, r, z - x - r, descending, age, length], axis=1)
+
+        trend = self._window.trend()
+        profile_noise = trend.spread[:, PROFILE_CHANNELS].mean(axis=1)
+        noise = np.stack([trend.spread[:, CONTACT_CHANNEL], profile_noise], axis=1)
         return np.concatenate(
             [state, NOISE_SCALE * noise, trend.value, RATE * trend.rate], axis=1
         )
