@@ -154,14 +154,13 @@ def film_of(
 
     begin, end = stamps[0], max(stamps[-1], stamps[0] + LEAST_LENGTH)
     # what came before the lift was not measured
-    start = max(begin, 0.0) if end > 0.0 else begin
-    moment = shown.middle[0].stamp if shown.middle else start
+    start = min(max(begin, 0.0), end - LEAST_LENGTH)
     return {
         "begin": begin,
         "source": source,
         "poster": poster(run, shown),
         "start": start - begin,
-        "moment": moment - begin,
+        "moment": shown.middle[0].stamp - begin,
         "length": end - begin,
         "marks": [
             (100 * (t - start) / (end - start), t, word) for t, word in marks(run)
@@ -210,8 +209,7 @@ def beliefs(run: Run, outlook: Outlook) -> list[tuple[str, str, str]]:
     stated.
     """
     rows = []
-    if run.result is not None and run.result.foretold is not None:
-        final = run.result.foretold
+    if run.result is not None and (final := run.result.foretold) is not None:
         expected = millimetres(final.displacement, signed=True)
         text = f"{expected} ± {millimetres(final.sigma)}"
         rows.append(("displacement", text, NO_VALUE))

@@ -176,11 +176,11 @@ def _doubts(result: Result) -> list[str]:
     """Sentences on what speaks against a fold, each with what to do: the reason of
     another end than a touch, lengths that differ, a strip unlike its model.
     """
-    reasons = [note.reason for note in result.witnesses]
+    reasons: list[str | None] = [note.reason for note in result.witnesses]
     if result.agreement is not None and not result.agreement.like_model:
         reasons.append(result.agreement.reason)
     if result.outcome != "layer_touch":
-        reasons.insert(0, result.reason or "")
+        reasons.insert(0, result.reason)
     return [_sentence(reason) for reason in dict.fromkeys(reasons) if reason]
 
 

@@ -84,11 +84,16 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
         nowhere = np.full(3, nan)
         yield TickView(clock, nan, 0, state="", pose=nowhere, image=before.image)
     later = pictures if first is None else chain([first], pictures)
+    # an image that was read stands where it was, so that both are new at once
+    read_at = {each.sequence: each.stamp for each in run.measurements()}
     outlook = Outlook.from_events(run.events())
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     news = zip(
         _newest_at(ticks.t, ((each.stamp, each) for each in run.measurements())),
-        _newest_at(ticks.t, ((each.stamp, each.image) for each in later)),
+        _newest_at(
+            ticks.t,
+            ((read_at.get(each.sequence, each.stamp), each.image) for each in later),
+        ),
         _newest_at(ticks.t, zip(outlook.t, outlook.rows, strict=True)),
         strict=True,
     )

@@ -102,6 +102,9 @@ def test_every_figure_is_read_and_zoomed_without_an_error(
         assert not reader.complaints, page.name
 
 
+ACROSS = 0.3  # share of a panel at which it is read
+
+
 class Chart:
     """The figure called `says` of a page that a reader looks at; `panel` of those it
     can read.
@@ -125,7 +128,7 @@ class Chart:
         """Do `kinds` of things at a place of the panel (shares), and read what the card
         says.
         """
-        box = self.reader.evaluate(f"{self.pad}.getBoundingClientRect().toJSON()")
+        box = self.box()
         x, y = box["x"] + across * box["width"], box["y"] + (1 - up) * box["height"]
         self.reader.point(x, y, *kinds, **more)
         card = (
@@ -133,6 +136,18 @@ class Chart:
             " p.innerText)"
         )
         return str(self.reader.evaluate(f"{card}.join('; ').replace(/\\s+/g, ' ')"))
+
+    def read(self) -> str:
+        """What the card says at a place of the panel that tests share."""
+        return self.at(ACROSS, 0.5, "mouseMoved")
+
+    def zoom(self, across: float) -> None:
+        """Zoom in on the share `across` of the panel."""
+        self.at(across, 0.5, "mouseWheel", deltaX=0, deltaY=-400, modifiers=2)
+
+    def box(self) -> dict[str, float]:
+        """Place of the panel in the window [px]."""
+        return self.reader.evaluate(f"{self.pad}.getBoundingClientRect().toJSON()")
 
     def show_whole(self) -> None:
         """Take the zoom back."""
@@ -161,6 +176,16 @@ def limits(page: Path) -> tuple[float, float]:
     return first, last
 
 
+def recorded_at(folder: Path, across: float) -> tuple[float, dict[str, float]]:
+    """Time [s] at the share `across` of the signals on the page of the run in `folder`,
+    and where its gripper was then [mm].
+    """
+    first, last = limits(folder / "report.html")
+    t, ticks = first + across * (last - first), read_run(folder).ticks
+    places = {"gripper x": ticks.x, "gripper z": ticks.z}
+    return t, {n: 1e3 * np.interp(t, ticks.t, column) for n, column in places.items()}
+
+
 def millimetres(name: str, said: str) -> float:
     """Number [mm] that a card states of the signal called `name`."""
     return float(re.search(rf"{name} (\S+) mm", said)[1])
@@ -169,20 +194,18 @@ def millimetres(name: str, said: str) -> float:
 def test_pointer_reads_all_signals_of_a_moment_in_their_units(
     signals: Chart, finished: Path
 ) -> None:
-    said = signals.at(0.3, 0.5, "mouseMoved")
-    first, last = limits(finished / "report.html")
-    t, ticks = first + 0.3 * (last - first), read_run(finished).ticks
+    said = signals.read()
+    t, place = recorded_at(finished, ACROSS)
     assert float(re.search(r"t (\S+) s", said)[1]) == pytest.approx(t, abs=0.03)
-    for name, column in (("gripper x", ticks.x), ("gripper z", ticks.z)):
-        wanted = 1e3 * np.interp(t, ticks.t, column)
+    for name, wanted in place.items():
         assert millimetres(name, said) == pytest.approx(wanted, abs=2.0)
     assert "FOLD" in said
 
 
 def test_zoom_is_shared_keeps_values_and_is_taken_back(signals: Chart) -> None:
-    before, said = signals.shape(), signals.at(0.3, 0.5, "mouseMoved")
-    zoomed = signals.at(0.3, 0.5, "mouseWheel", deltaX=0, deltaY=-400, modifiers=2)
-    zoomed = signals.at(0.3, 0.5, "mouseMoved")
+    before, said = signals.shape(), signals.read()
+    signals.zoom(ACROSS)
+    zoomed = signals.read()
     assert signals.shape() != before
     parts = (
         "[...new Set([...document.querySelectorAll('.pad')].filter(p =>"
@@ -213,11 +236,11 @@ def test_click_on_the_curves_leads_the_film_also_when_zoomed(
         )
         begun = reader.evaluate("document.querySelector('video').currentTime") - 1.0
         assert begun == pytest.approx(first + across * (last - first), abs=0.02)
-        chart.at(across, 0.5, "mouseWheel", deltaX=0, deltaY=-400, modifiers=2)
+        chart.zoom(across)
         line = reader.evaluate(
             f"{chart.svg}.querySelector('.now').getBoundingClientRect().x"
         )
-        pad = reader.evaluate(f"{chart.pad}.getBoundingClientRect().toJSON()")
+        pad = chart.box()
         assert line == pytest.approx(pad["x"] + across * pad["width"], abs=3.0)
         chart.show_whole()
 
@@ -229,11 +252,9 @@ def test_figures_of_a_fold_fit_a_phone_without_scrolling(
     figures = "[...document.querySelectorAll('figure[role=img]')]"
     assert reader.evaluate(f"{figures}.every(f => f.scrollWidth <= f.clientWidth)")
     chart = Chart(reader, finished / "report.html", "signals over time", 1, LOOKS[0])
-    first, last = limits(finished / "report.html")
-    said = chart.at(0.3, 0.5, "mouseMoved")
-    t, ticks = first + 0.3 * (last - first), read_run(finished).ticks
-    wanted = 1e3 * np.interp(t, ticks.t, ticks.x)
-    assert millimetres("gripper x", said) == pytest.approx(wanted, abs=4.0)
+    said = chart.read()
+    _, place = recorded_at(finished, ACROSS)
+    assert millimetres("gripper x", said) == pytest.approx(place["gripper x"], abs=4.0)
 
 
 def test_what_is_wrong_is_found(tmp_path: Path, reader: Browser) -> None:
