@@ -120,10 +120,6 @@ class MotionProfile:
         self._begin()
         self._follow(_STILL)
 
-    def wait(self, ticks: int) -> None:
-        """Age the last command by `ticks` in which the arm stood still."""
-        self._age += ticks
-
     def tick(self) -> Numbers:
         """Advance by one tick; returns the commanded x, z [m], pitch [rad] (3,) at its
         end.

@@ -30,7 +30,9 @@ JOINT_SPEED = 0.5  # rad/s
 ROUNDING = 3e-7  # rad: more than the rounding of the state
 GOAL_TOLERANCE = 5e-5  # rad from the goal, below which the motion has arrived
 REST_RATE = 1e-3  # rad/s of its setpoint, slow enough to stop the robot within one tick
-FOLLOWING = 20.0  # 1/s, bandwidth of the return to a path, critically damped
+# 1/s, bandwidth of the return to a path, critically damped: of a robot that goes on by
+# itself without commands, and of one that holds, which they cannot take further away
+FOLLOWING, FOLLOWING_HELD = 20.0, 60.0
 SUDDEN = 5.0  # times the gain, in a stop while no command was lost
 APPROACH_GAIN = 5.0  # 1/s, rate over the distance near a goal: critically damped
 BRAKING_SHARE = 0.8  # of the acceleration, to brake before a goal
@@ -344,8 +346,8 @@ class HandMotion:
     may wander into a joint's end.
 
     The joints of a pose are prepared before the state that they answer arrives, as that
-    takes much of a tick. A robot that went on without a command returns to the path,
-    which goes on meanwhile; for one that held its joints the path waits.
+    takes much of a tick. The path goes on while a robot gets no command, whether the
+    robot goes on by itself or holds its joints, and it returns to the path.
     """
 
     def __init__(self, state: Any) -> None:
@@ -397,7 +399,8 @@ class HandMotion:
         before = aim.position - TICK * aim.rate
         away = before - found.position
         faster = aim.rate - TICK * aim.acceleration - found.rate
-        change = aim.acceleration + FOLLOWING * (2.0 * faster + FOLLOWING * away)
+        gain = FOLLOWING_HELD if commanded.holds else FOLLOWING
+        change = aim.acceleration + gain * (2.0 * faster + gain * away)
         return commanded.go_on(change, ALLOWED)
 
     def rest(self) -> Numbers:
@@ -405,18 +408,15 @@ class HandMotion:
         joints: Numbers = self._commanded.setpoint.position.tolist()
         return joints
 
-    def update(self, state: Any) -> int:
-        """Go on from where the robot is found in its `state`; returns ticks that the
-        path waits.
+    def update(self, state: Any) -> None:
+        """Go on from where the robot is found in its `state`, on a path that has gone
+        on in the ticks in which it got no command.
         """
         commanded = self._commanded
         before = commanded.seconds
         commanded.update(state)
-        lost = round((commanded.seconds - before) / TICK) - 1
-        if commanded.holds:
-            return lost + commanded.stands
-        self._lost += lost
-        return 0
+        ticks = round((commanded.seconds - before) / TICK)
+        self._lost += ticks - 1 + commanded.stands
 
 
 def _largest_difference(

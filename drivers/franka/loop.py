@@ -165,7 +165,7 @@ class ServoLoop:
     def _receive(self) -> None:
         """Wait for the robot's next state, and find the hand there."""
         self._state = self._robot.read(self._motion)
-        self._profile.wait(self._hand.update(self._state))
+        self._hand.update(self._state)
 
     def _check_state(self, state: Any) -> None:
         """Report `state`; brake for too high a force or a motion that the arm cannot

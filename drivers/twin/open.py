@@ -26,8 +26,6 @@ from drivers.twin.world import Fingers, Plant, World
 
 DEFAULT_INSTALLATION = Installation()
 PERIOD = 0.005  # s between two poses that are read from an external arm
-# s that a measured pose may be old before the gripper counts as resting there
-BEHIND = 0.005
 
 MeasuredPose = Callable[[], tuple[float, Pose] | None]
 
@@ -138,29 +136,31 @@ def weight_on_gripper(desk: Desk, frame: CellInRobot) -> Array:
 
 
 def follow_arm(
-    desk: Desk, settings: HandSettings, measured: MeasuredPose, hand: Hand
+    desk: Desk, settings: TwinSettings, measured: MeasuredPose, hand: Hand
 ) -> None:
     """Let an arm and a `hand` that are not parts of the twin move the gripper over
     `desk`.
 
     `measured` gives the arm's newest stamp [s] and pose, None while it is not
-    connected.
+    connected. A pose is waited for until an image shows it; then the gripper counts as
+    resting at the last one.
     """
     world = desk.world
+    patience = settings.camera.transport_delay - settings.earliest_image
     last = desk.home
 
     def follow(time: float) -> None:
         nonlocal last
         newest = measured()
         stamp, pose = newest or (time, last)
-        world.add_pose(max(stamp, time - BEHIND), lambda: pose)
+        world.add_pose(max(stamp, time - patience), lambda: pose)
         if newest is None:
             return
         last = pose
         fingers = hand.state()
         world.move_fingers(Fingers(fingers.width, fingers.width, start=time, speed=1.0))
         if fingers.grasped and not world.holds_strip:
-            if thickness_between_fingers(desk, settings) is not None:
+            if thickness_between_fingers(desk, settings.hand) is not None:
                 world.attach()
         elif not fingers.grasped and world.holds_strip:
             world.detach()

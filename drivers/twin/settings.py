@@ -165,11 +165,17 @@ class TwinSettings(Settings):
     @model_validator(mode="after")
     def _exposure_is_simulated_when_it_arrives(self) -> Self:
         """Refuse frames that arrive before the world of their exposure is simulated."""
-        earliest = self.camera.exposure / 2 + self.world.step
-        if self.camera.transport_delay < earliest:
+        if self.camera.transport_delay < self.earliest_image:
             raise ValueError(
                 f"camera.transport_delay {self.camera.transport_delay} s is over before"
                 " the strip has been simulated; allowed: at least exposure / 2 +"
-                f" world.step, {earliest} s"
+                f" world.step, {self.earliest_image} s"
             )
         return self
+
+    @property
+    def earliest_image(self) -> float:
+        """Shortest time [s] from the middle of an exposure until the strip of its end
+        is simulated.
+        """
+        return self.camera.exposure / 2 + self.world.step

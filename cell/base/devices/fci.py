@@ -75,7 +75,7 @@ def fci_devices(
         )
     servers = [] if address is not None else [_start_robot(settings, strip, desk)]
     arm, hand = fci_arm(gripping, clock, address or servers[0].address)
-    follow_arm(desk, settings.twin.hand, arm.catch_up, hand)
+    follow_arm(desk, simulation, arm.catch_up, hand)
     twins = desk.camera if lock_step else PacedCamera(desk.camera)
     return replace(
         _robot_devices(clock, arm, hand, twins, settings.twin.camera.identity, servers),

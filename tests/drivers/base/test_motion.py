@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from cell.base.config.settings import MonitorLimits
 from drivers.base.errors import ConfigurationError, Fault
 from drivers.base.installation import AxisLimits, MotionLimits, Workspace
-from drivers.base.motion import EXPIRY_TICKS, TICK, MotionProfile
+from drivers.base.motion import TICK, MotionProfile
 from drivers.base.settings import parse
 from drivers.base.types import ZERO_VELOCITY, Pose, Velocity
 
@@ -170,16 +170,6 @@ def test_move_that_would_swing_out_is_braked_first() -> None:
     states = ticks(profile, 2000)
     assert states[:, 0, 1].max() <= BOX.z[1] + 1e-9
     assert profile.pose == Pose(0.3, 0.399, 1.0)
-
-
-def test_velocity_expires_in_ticks_in_which_the_arm_stands_too() -> None:
-    profile = profile_at()
-    profile.set_velocity(Velocity(0.05, 0.0, 0.0))
-    profile.wait(EXPIRY_TICKS - 2)
-    profile.tick()
-    assert not profile.expired
-    ticks(profile, 2)
-    assert profile.expired
 
 
 @pytest.mark.parametrize(

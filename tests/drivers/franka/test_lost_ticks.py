@@ -77,6 +77,21 @@ def test_velocity_targets_are_followed_and_braked_while_commands_are_lost(
     assert not robot.errors
 
 
+@pytest.mark.parametrize("holds", [False, True])
+def test_hand_keeps_its_speed_though_a_quarter_of_the_commands_is_lost(
+    holds: bool,
+) -> None:
+    robot = LossyRobot(JOINTS, 3, 1, 0.25, holds=holds)
+    setup = begun(robot)
+    ticks, places = [], []
+    for _ in range(50):
+        setup.order(CommandKind.FOLLOW, -0.1, 0.0, 0.0)
+        places.append(setup.steps(10).x)
+        ticks.append(robot.time)
+    speed = np.polyfit(np.array(ticks[10:]) * TICK, places[10:], 1)[0]
+    assert speed == pytest.approx(-0.1, rel=0.05)
+
+
 @pytest.mark.parametrize(("worst", "share"), [(8, 0.1), (1, 0.5)])
 def test_one_who_leaves_on_the_way_home_finds_the_robot_at_rest(
     worst: int, share: float
