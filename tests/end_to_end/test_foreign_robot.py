@@ -15,11 +15,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.lib.stride_tricks import sliding_window_view
 
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 from drivers.base.motion import TICK
 from drivers.franka.checks import read_description
+from drivers.franka.joint_motion import ROUNDING
 from drivers.franka.kinematics import HOME, forward
 from drivers.franka.limits import ACCELERATION, FR3V2, JERK, JointLimits
 from tests.support.franky_sim import franky_sim_python
@@ -74,12 +76,12 @@ def robot() -> Iterator[subprocess.Popen[bytes]]:
 
 @pytest.fixture(scope="module")
 def configs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a cell whose arm trails its commands by 0.1 s: 12 mm at its speed."""
+    """Of a cell whose arm trails its commands by 0.1 s: 10 mm at its speed."""
     folder = tmp_path_factory.mktemp("configs")
     text = Path("configs/cell.yaml").read_text("utf-8")
     robot = f"{{address: {ADDRESS}, realtime: ignore, lock_step: false}}"
     text = text.replace("z: [-0.01, 0.50]", "z: [-0.01, 0.60]")
-    text = text.replace("{velocity: 0.2, acc", "{velocity: 0.12, acc")
+    text = text.replace("{velocity: 0.2, acc", "{velocity: 0.1, acc")
     text = text.replace("\ntwin:\n", f"\ntwin:\n{CAMERA}")
     text = text.replace("{arm: twin,", "{arm: fci,") + f"fci: {robot}\n{AGES}"
     (folder / "cell.yaml").write_text(text, "utf-8")
@@ -157,18 +159,16 @@ def test_commanded_joints_stay_within_the_limits_of_the_robot_s_description(
     description = read_description(ADDRESS)
     assert description is not None
     allowed = JointLimits.from_description(description).velocity
-    rows = np.array(json.loads(run("-m", "tests.support.commanded_motion", ADDRESS)))
-    ticks = np.round(np.diff(rows[:, 0]) / TICK)
-    steps = np.diff(rows[:, 1:], axis=0)
-    # a robot that got no command holds its joints: no series of ours
-    whole = (ticks == 1) & (steps != 0.0).any(axis=1)
-    assert whole.mean() > 0.5
-    assert (np.abs(steps[whole]) / TICK <= allowed).all()
-    twice = whole[1:] & whole[:-1]
-    changes = np.diff(steps, axis=0) / TICK**2
-    assert (np.abs(changes[twice]) <= ACCELERATION).all()
-    jerks = np.diff(changes, axis=0) / TICK
-    assert (np.abs(jerks[twice[1:] & twice[:-1]]) <= JERK).all()
+    rows = json.loads(run("-m", "tests.support.commanded_motion", ADDRESS))
+    time, found, sent = np.split(np.array(rows), [1, 8], axis=1)
+    # without a command that robot holds its joints, which is no series of the cell's
+    obeyed = np.diff(time[:, 0]) < 1.5 * TICK
+    obeyed &= np.abs(found[1:] - sent[:-1]).max(axis=1) < ROUNDING
+    assert obeyed.mean() > 0.5
+    for order, limit in enumerate((allowed, ACCELERATION, JERK), 1):
+        rates = np.diff(found, order, axis=0) / TICK**order
+        in_time = sliding_window_view(obeyed, order).all(axis=1)
+        assert (np.abs(rates[in_time]) <= limit).all()
 
 
 def test_whole_fold_misses_by_less_than_five_millimetres(

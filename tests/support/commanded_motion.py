@@ -1,4 +1,4 @@
-"""Joints that a robot on its own time reports as commanded, tick by tick.
+"""Joints that a robot on its own time reports as commanded, and the answer to each.
 
 `python -m tests.support.commanded_motion ADDRESS` moves it by joints and by its hand.
 """
@@ -22,7 +22,9 @@ PLACES = (0.45, 0.25, 0.6), (0.55, 0.2, 0.0)  # m, m, rad
 
 
 class Observed(Robot):
-    """Keeps each state's time [s] and commanded joints (7,) [rad]."""
+    """Keeps each state's time [s] and commanded joints (7,) [rad], and the joints (7,)
+    that answer it.
+    """
 
     def __init__(self, address: str) -> None:
         settings = FciSettings(address=address, realtime="ignore", lock_step=False)
@@ -35,9 +37,13 @@ class Observed(Robot):
         self.rows.append([state.time.to_sec(), *state.q_d])
         return state
 
+    def write_joints(self, motion: Any, joints: list[float], **end: bool) -> None:
+        super().write_joints(motion, joints, **end)
+        self.rows[-1] += joints
+
 
 def main(address: str) -> None:
-    """Print the rows of time [s] and joints (7,) [rad] as JSON."""
+    """Print the answered rows of time [s] and joints (14,) [rad] as JSON."""
     robot = Observed(address)
     guard = robot.tared_guard()
     for goal in (HOME + 0.2, np.array(JOINTS)):
@@ -48,7 +54,7 @@ def main(address: str) -> None:
         while driven.steps(1).moving:
             continue
     driven.loop.end()
-    print(json.dumps(robot.rows))
+    print(json.dumps([row for row in robot.rows if len(row) == 15]))
 
 
 if __name__ == "__main__":
