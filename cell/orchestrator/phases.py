@@ -273,7 +273,7 @@ def lay(
     """Lower the grasped edge to the desk, and push it until the camera sees that its
     layers are equal.
     """
-    plan = _lay_plan(given, log, begin.arm.pose)
+    plan = _lay_plan(given, log, begin.arm.commanded)
     snapshot = yield from follow_lay(plan, given.settings.fold.lay_speed, begin)
     snapshot = yield from _push(given, log, plan, record, snapshot)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
@@ -295,14 +295,14 @@ def follow_lay(plan: fold_path.LayPlan, speed: float, begin: Snapshot) -> steps.
     """Follow the path of a lay at `speed` [m/s] with the hand upright, to rest.
 
     The gripper slows down in time: one that brakes at the end of the path only meets
-    the desk.
+    the desk. So does one that is steered by where a trailing arm is measured.
     """
     path = plan.path
     follower = Follower(path, 1)
     pace = speed
     snapshot = yield Drive(begin.velocity)
     while True:
-        pose = snapshot.arm.pose
+        pose = snapshot.arm.commanded
         decision = follower.decide(np.array([pose.x]), np.array([pose.z]), pace)
         if decision.done[0]:
             return (yield from steps.move(plan.held()))

@@ -30,31 +30,37 @@ TICK, REST, SPEED = 0.01, 0.0079, 0.1  # s, m, m/s
 FOLD = FoldSettings()
 
 
-def driven(start: tuple[float, float]) -> list[Velocity]:
-    """Velocities commanded from `start` to the fixed edge, up to the last move."""
-    begin = replace(GOOD, arm=replace(GOOD.arm, pose=Pose(*start, HANGING)))
+def driven(start: tuple[float, float], lag: float) -> tuple[list[Velocity], Pose]:
+    """Velocities commanded from `start` to the fixed edge, up to the last move, of an
+    arm that trails by `lag` [s], and where it was commanded last.
+    """
+    at = Pose(*start, HANGING)
+    begin = replace(GOOD, arm=replace(GOOD.arm, pose=at, commanded=at))
     plan = LayPlan(Path.through(np.array([start, (0.0, REST)])), 0.0)
     lay = follow_lay(plan, SPEED, begin)
-    command, snapshot, told = next(lay), begin, []
+    command, told, commanded, measured = next(lay), [], *2 * [at.as_array()]
     while isinstance(command, Drive):
         told.append(command.velocity)
-        pose, rate = snapshot.arm.pose, command.velocity
-        x, z = pose.x + TICK * rate.vx, pose.z + TICK * rate.vz
-        pitch = pose.pitch + TICK * rate.pitch_rate
-        snapshot = replace(snapshot, arm=replace(snapshot.arm, pose=Pose(x, z, pitch)))
-        command = lay.send(snapshot)
-    return told[1:]  # the first one is that of the fold
+        commanded = commanded + TICK * np.array([*command.velocity])
+        measured = measured + TICK / max(lag, TICK) * (commanded - measured)
+        arm = replace(GOOD.arm, pose=Pose(*measured), commanded=Pose(*commanded))
+        command = lay.send(replace(begin, arm=arm))
+    return told[1:], arm.commanded  # the first one is that of the fold
 
 
 @pytest.mark.parametrize("start", [(0.2, 0.24), (0.038, 0.038)], ids=["long", "short"])
-def test_lay_ends_slowly_with_the_hand_upright(start: tuple[float, float]) -> None:
-    told = driven(start)
+@pytest.mark.parametrize("lag", [0.0, 0.1])
+def test_lay_ends_slowly_at_its_end_with_the_hand_upright(
+    start: tuple[float, float], lag: float
+) -> None:
+    told, end = driven(start, lag)
     speeds = [math.hypot(v.vx, v.vz) for v in told]
     assert max(speeds) <= SPEED + 1e-9
     # m, in which it could stop after one more tick
     assert speeds[-1] ** 2 / (2 * BRAKING) < 1e-3 + TICK * speeds[-1]
-    assert {v.pitch_rate for v in told} == {0.0}
+    assert [v.pitch_rate for v in told] == pytest.approx(len(told) * [0.0])
     assert all(v.vz < 0.0 for v in told)
+    assert end.z == pytest.approx(REST, abs=1e-3)
 
 
 def touched(displacement: float) -> SeenTouch:
