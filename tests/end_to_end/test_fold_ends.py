@@ -117,7 +117,7 @@ def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> 
         seen.append(devices)
         return SimpleNamespace(execute=lambda: DONE)
 
-    monkeypatch.setattr(cell.folding.fold, "Run", blind)
+    monkeypatch.setattr(cell.folding.fold, "ControlLoop", blind)
     record = RecordingOptions("none")
     request = request_for(
         "denim", "triangular", tmp_path, CHECKOUT_CONFIGS, record=record
