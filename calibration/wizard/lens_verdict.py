@@ -150,16 +150,15 @@ def lens_verdict(
     """
     numbers = sorted(views, key=lambda number: tuple(views[number].image.mean(axis=0)))
     ordered = [views[number] for number in numbers]
-    if len(ordered) < 2 * MINIMUM_VIEWS:
-        reason = (
-            f"{len(ordered)} views, at least {2 * MINIMUM_VIEWS} are needed; show more"
-        )
-        return LensVerdict(views=len(ordered), reasons=(reason,))
+    count, least = len(ordered), 2 * MINIMUM_VIEWS
+    if count < least:
+        reason = f"{count} views, at least {least} are needed; show more"
+        return LensVerdict(views=count, reasons=(reason,))
     try:
         fit = fit_views(ordered, size)
         split, bend_mm = _differences_of_halves(ordered, fit.lens)
     except ConfigurationError as error:
-        return LensVerdict(views=len(ordered), reasons=(str(error),))
+        return LensVerdict(views=count, reasons=(str(error),))
     bow_reasons = _bow_reasons(ordered, fit.lens, settings)
     gates = coverage.gates(ordered, fit.lens, settings)
     refused = [*bow_reasons, *(str(gate) for gate in gates if not gate.passed)]
@@ -168,9 +167,9 @@ def lens_verdict(
     refused += _length_reasons(length, settings)
     return LensVerdict(
         fit=fit,
-        found=_found(len(ordered), fit, split, bend_mm),
+        found=_found(count, fit, split, bend_mm),
         bend_mm=bend_mm,
-        views=len(ordered),
+        views=count,
         per_view=dict(sorted(zip(numbers, fit.per_view.tolist(), strict=True))),
         reasons=tuple(refused),
     )

@@ -118,18 +118,16 @@ def check_verdict(
     ]
     off_mm = 1e3 * np.reshape(off, (-1, 2))
     values = lengths(off_mm)
+    count = len(values)
     numbers = [touch.number for touch in touches]
     errors = dict(zip(numbers, values.tolist(), strict=True))
-    median = float(np.median(values)) if len(values) else nan
-    worst = float(values.max()) if len(values) else nan
-    text = (
-        f"half of {len(values)} touched points are under {median:.2f} mm off, the"
-        " worst "
-    )
+    median = float(np.median(values)) if count else nan
+    worst = float(values.max()) if count else nan
+    text = f"half of {count} touched points are under {median:.2f} mm off, the worst "
     found = (grade_line(worst, *WORST_GRADES, f"{text}{worst:.2f}"),) if errors else ()
-    if len(values) < FEWEST_POINTS:
+    if count < FEWEST_POINTS:
         few = (
-            f"{len(values)} points were touched, at least {FEWEST_POINTS} must decide;"
+            f"{count} points were touched, at least {FEWEST_POINTS} must decide;"
             " touch more"
         )
         return CheckVerdict(errors, median, worst, found=found, reasons=(few,))

@@ -270,16 +270,18 @@ def check_order(t: Array, origin: str, strictly: bool = True) -> None:
     wrong = np.flatnonzero(steps <= 0 if strictly else steps < 0)
     if not wrong.size:
         return
-    row, step = int(wrong[0]) + 1, np.median(np.abs(steps))
+    before = int(wrong[0])
+    row, step = before + 1, np.median(np.abs(steps))
+    earlier, later = t[before : row + 1]
     uneven = np.diff(np.sort(t)).min() < 0.5 * step
     remedy = "sort the rows"
-    if t[row] == t[row - 1]:
+    if later == earlier:
         remedy = "keep one row for each time"
     elif was_set_back(t) or (uneven and wrong.size < 0.1 * t.size):
-        back = t[row - 1] + step - t[row]
+        back = earlier + step - later
         remedy = f"the clock was set back by {back:.3g} s: cut the run there"
     raise ConfigurationError(
-        f"{origin}: t: row {row} is {t[row]:g} s after {t[row - 1]:g} s, times must"
+        f"{origin}: t: row {row} is {later:g} s after {earlier:g} s, times must"
         f" increase; {remedy}"
     )
 

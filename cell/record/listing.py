@@ -238,27 +238,24 @@ def remove(rows: Sequence[RunRow]) -> int:
     link to one; and, once all others are gone, for those that changed since `rows` were
     read or could not be removed.
     """
-    for row in rows:
-        if (
-            row.folder.is_symlink()
-            or not is_run(row.folder)
-            or is_under_way(row.folder)
-        ):
+    for folder in (row.folder for row in rows):
+        if folder.is_symlink() or not is_run(folder) or is_under_way(folder):
             raise ConfigurationError(
-                f"{row.folder}: is not a finished run; it was left alone"
+                f"{folder}: is not a finished run; it was left alone"
             )
     failures = []
     for row in rows:
+        folder = row.folder
         try:
-            with lock_folders([row.folder]):
-                if read_row(row.folder) == row:
-                    shutil.rmtree(row.folder)
+            with lock_folders([folder]):
+                if read_row(folder) == row:
+                    shutil.rmtree(folder)
                 else:
                     failures.append(
-                        f"{row.folder}: has just been changed; it was left alone"
+                        f"{folder}: has just been changed; it was left alone"
                     )
         except OSError as error:
-            failures.append(f"{row.folder}: cannot be removed: {error.strerror}")
+            failures.append(f"{folder}: cannot be removed: {error.strerror}")
         except ConfigurationError as error:
             failures.append(str(error))
     if failures:

@@ -168,16 +168,17 @@ def resumed_series(manifest: Manifest, of: Mapping[str, str]) -> Iterator[RunSer
     Raises ConfigurationError where another process makes it, and where what it is `of`
     has changed since it began.
     """
+    path = manifest.path
     with ExitStack() as opened:
-        with writing(manifest.path):
-            file = opened.enter_context(manifest.path.open("rb"))
-        _lock(file.fileno(), manifest.path)
-        current = Manifest.read(manifest.path)
+        with writing(path):
+            file = opened.enter_context(path.open("rb"))
+        _lock(file.fileno(), path)
+        current = Manifest.read(path)
         differ = [key for key in of if current.of.get(key) != of[key]]
         if differ:
             verb = "is" if len(differ) == 1 else "are"
             raise ConfigurationError(
-                f"--resume: {manifest.path}: {' and '.join(differ)} {verb} not as when"
+                f"--resume: {path}: {' and '.join(differ)} {verb} not as when"
                 f" this {current.kind} began; use what it began with, or begin another"
             )
         series = RunSeries(current)

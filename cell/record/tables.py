@@ -442,11 +442,8 @@ def numbers_of(raw: pa.ChunkedArray) -> Array | None:
     if (told := unit_in_cells(raw)) is not None:
         cells = (cell.replace(told, "") for cell in raw.to_pylist())
         return np.array([np.nan if cell in EMPTY else float(cell) for cell in cells])
-    if not (
-        pa.types.is_floating(kind)
-        or pa.types.is_integer(kind)
-        or pa.types.is_null(kind)
-    ):
+    types = pa.types
+    if not (types.is_floating(kind) or types.is_integer(kind) or types.is_null(kind)):
         return None
     numbers: Array = raw.cast(NUMBER, safe=False).to_numpy()
     return numbers
@@ -467,9 +464,10 @@ def seconds_of(raw: pa.ChunkedArray) -> Array | None:
     """Seconds (n,) since 1970 of a column of ISO 8601 times, all with a zone or all
     without.
     """
-    if not (pa.types.is_string(raw.type) or pa.types.is_timestamp(raw.type)):
+    is_text = pa.types.is_string(raw.type)
+    if not (is_text or pa.types.is_timestamp(raw.type)):
         return None
-    for pattern, iso in AS_ISO if pa.types.is_string(raw.type) else ():
+    for pattern, iso in AS_ISO if is_text else ():
         raw = pc.replace_substring_regex(raw, pattern, iso)
     for kind in (pa.timestamp("ns"), pa.timestamp("ns", "UTC")):
         with suppress(pa.ArrowException):

@@ -157,12 +157,13 @@ class RunWriter:
         )
         with self._recording():
             self._close_streams()
-        if self._frames.film_failure:
-            self.describe(film=self._frames.film_failure)
+        folder, failure = self.folder, self._frames.film_failure
+        if failure:
+            self.describe(film=failure)
         with self._recording():
-            write_document(self.folder / RUN, self._header)
-            tables.write_tables(self.folder, tables.assemble(self.folder))
-            write_document(self.folder / RESULT, content)
+            write_document(folder / RUN, self._header)
+            tables.write_tables(folder, tables.assemble(folder))
+            write_document(folder / RESULT, content)
             for stream in (TICK_STREAM, SIGHT_STREAM):  # all rows are in the tables
                 (self.folder / stream).unlink(missing_ok=True)
         self._finished = True

@@ -260,7 +260,8 @@ def sources_in(
     what holds none.
     """
     parts = sorted(path.glob("*.mcap"))
-    if (path.is_file() and path.suffix == ".mcap") or (path / BAG).is_file():
+    is_file = path.is_file()
+    if (is_file and path.suffix == ".mcap") or (path / BAG).is_file():
         yield _recording(path, parts)
     elif parts:
         yield from (_recording(part, ()) for part in parts)
@@ -268,9 +269,9 @@ def sources_in(
         yield from episodes(path)
     elif path.is_dir():
         yield from _sources_in_folder(path, files)
-    elif path.is_file() and FILE.fullmatch(path.name):
+    elif is_file and FILE.fullmatch(path.name):
         yield TableFiles(path)
-    elif not (path.is_file() and (path.name == MAPPING or path == mapping)):
+    elif not (is_file and (path.name == MAPPING or path == mapping)):
         fault = "is none of what is read" if path.exists() else "is not there"
         raise ConfigurationError(
             f"{path}: {fault}; give tables or folders with them, .mcap files or"
@@ -385,13 +386,16 @@ def _signals(source: Source, how: SignalMapping) -> dict[str, Array]:
 def _fold(source: Source, how: MappingFile, facts: Content) -> dict[str, Content]:
     """Contents of a fold's run.yaml, ticks, profile and result, by file name."""
     ticks = dict(read_columns(source, how.ticks))
-    first = float(ticks["t"][0]) if len(ticks["t"]) else 0.0
-    begin = first if how.begin is None else how.begin
+    begin = how.begin
+    if begin is None:
+        begin = next(iter(ticks["t"][:1].tolist()), 0.0)
     ticks |= {name: ticks[name] - begin for name in ("t", "contact_t") if name in ticks}
-    if how.contact is not None:
-        seen = read_columns(source, how.contact)
-        check_clock(seen["t"] - begin, ticks["t"], f"{source.place(how.contact)}: t")
-        placed = place_contacts(ticks["t"], seen["t"] - begin, seen["contact_x"])
+    t = ticks["t"]
+    if contact := how.contact:
+        seen = read_columns(source, contact)
+        stamps = seen["t"] - begin
+        check_clock(stamps, t, f"{source.place(contact)}: t")
+        placed = place_contacts(t, stamps, seen["contact_x"])
         ticks |= dict(zip(("contact_x", "contact_t"), placed, strict=True))
     of_run = {"strip", "start", "contact_height", "sigma", "seen_by"}
     return {
@@ -401,8 +405,8 @@ def _fold(source: Source, how: MappingFile, facts: Content) -> dict[str, Content
             **facts,
         },
         TICKS: ticks,
-        PROFILE: _profile(source, how, begin, ticks["t"]),
-        RESULT: _result(source, how, begin, ticks["t"]),
+        PROFILE: _profile(source, how, begin, t),
+        RESULT: _result(source, how, begin, t),
     }
 
 
@@ -431,11 +435,11 @@ def _profile(
     if how.profile is None:
         return {name: np.empty(0) for name in ("t", "i", "x", "z")}
     points = dict(read_columns(source, how.profile))
-    points["t"] = points["t"] - begin
-    check_clock(points["t"], t, f"{source.place(how.profile)}: t")
+    stamps = points["t"] = points["t"] - begin
+    check_clock(stamps, t, f"{source.place(how.profile)}: t")
     if "i" not in points:  # numbered within each image, in the order of the file
-        rows = np.arange(len(points["t"]), dtype=np.float64)
-        begins = np.diff(points["t"], prepend=np.nan) != 0.0  # a NaN counts as a change
+        rows = np.arange(len(stamps), dtype=np.float64)
+        begins = np.diff(stamps, prepend=np.nan) != 0.0  # a NaN counts as a change
         points["i"] = rows - np.maximum.accumulate(np.where(begins, rows, 0.0))
     return points
 
@@ -448,18 +452,19 @@ def _result(
     Raises ConfigurationError for a missing file, where another's name is close to its
     name.
     """
-    if how.result is None:
+    result = how.result
+    if result is None:
         return {"outcome": "path_done"}
     used = {
         source.place(each).name
         for each in (how.ticks, how.profile, how.contact)
         if each
     }
-    path, values = source.place(how.result), {}
+    path, values = source.place(result), {}
     if path.exists():
-        values = read_columns(source, how.result)
-    elif suggestion(how.result.file, {*source.names} - used):
-        raise source.missing(how.result)
+        values = read_columns(source, result)
+    elif suggestion(result.file, {*source.names} - used):
+        raise source.missing(result)
     if not (values and all(np.isfinite(v).any() for v in values.values())):
         return {"outcome": "path_done"}  # no touch
     if (rows := max(map(len, values.values()))) > 1:

@@ -391,13 +391,15 @@ class Episode(Source):
 
     def images(self) -> Iterator[tuple[int, Frame]]:
         """Yield images (h, w, 3) of the film, each once, with their rows."""
-        rows = set(range(len(self.frames)))
-        if CAMERA_STAMP in self.frames.column_names:
-            taken = np.unique(self.frames[CAMERA_STAMP].to_numpy())
-            rows = set(np.searchsorted(self.frames["stamp"].to_numpy(), taken).tolist())
-        for frame in Film(self.film).frames(self.begin) if self.film else ():
-            row = round((frame.stamp - self.begin) * float(self.info["fps"]))
-            if row >= len(self.frames):
+        table, begin = self.frames, self.begin
+        count = len(table)
+        rows = set(range(count))
+        if CAMERA_STAMP in table.column_names:
+            taken = np.unique(table[CAMERA_STAMP].to_numpy())
+            rows = set(np.searchsorted(table["stamp"].to_numpy(), taken).tolist())
+        for frame in Film(self.film).frames(begin) if self.film else ():
+            row = round((frame.stamp - begin) * float(self.info["fps"]))
+            if row >= count:
                 return
             if row in rows:
                 yield row, frame

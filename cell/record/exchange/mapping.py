@@ -416,10 +416,11 @@ def _joined(heading: Sequence[Sequence[str]], width: int) -> list[str]:
     """
     columns = [list(column) for column in zip(*heading, strict=True)]
     labelled = [i for i, (*above, _) in enumerate(columns) if any(above)]
-    if len(heading) > 2 and labelled and labelled[0] > 0:
-        labels = list(filter(None, columns[labelled[0]]))
+    first = min(labelled, default=0)
+    if len(heading) > 2 and first > 0:
+        labels = list(filter(None, columns[first]))
         if len({*labels}) == len(labels) > 2:
-            columns[labelled[0]][:-1] = []
+            columns[first][:-1] = []
     words = [" ".join(" ".join(column).split()) for column in columns]
     return words or [""] * width
 
@@ -485,12 +486,13 @@ def _values(
     Raises ConfigurationError for a unit that is not `known`, a missing column, or one
     that holds no numbers.
     """
-    if column.unit not in known and known is not COUNTS:
+    unit = column.unit
+    if unit not in known and known is not COUNTS:
         raise ConfigurationError(
-            f"mapping: {name}: unit {column.unit!r} is not"
-            f" known{suggestion(column.unit, known)}; allowed: {', '.join(known)}"
+            f"mapping: {name}: unit {unit!r} is not"
+            f" known{suggestion(unit, known)}; allowed: {', '.join(known)}"
         )
-    if column.unit == "quaternion" and known is PITCH:
+    if unit == "quaternion" and known is PITCH:
         parts = (
             Column(column=column.column.replace("*", axis), unit="1") for axis in "xyzw"
         )
@@ -504,7 +506,7 @@ def _values(
             return seconds
         numbers = _numbers(raw, origin, known)
         _check_unit(raw, column, origin)
-    factor = known.get(column.unit, 1.0) * column.factor
+    factor = known.get(unit, 1.0) * column.factor
     sign = -1.0 if column.reversed else 1.0
     return frozen(sign * (numbers * factor - column.offset))
 
@@ -512,10 +514,11 @@ def _values(
 def _check_unit(raw: pa.ChunkedArray, column: Column, origin: str) -> None:
     """Refuse a unit of the mapping that is not the one that the cells state."""
     told = unit_in_cells(raw) or ""
-    unit = UNITS.get(told.lower(), column.unit)
-    if unit != column.unit:
+    stated = column.unit
+    unit = UNITS.get(told.lower(), stated)
+    if unit != stated:
         raise ConfigurationError(
-            f"{origin}: its cells are in {told}, the mapping states {column.unit};"
+            f"{origin}: its cells are in {told}, the mapping states {stated};"
             f" write unit: {unit}"
         )
 
