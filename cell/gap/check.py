@@ -41,6 +41,9 @@ PROBE_SIGMA = 3.0
 # of two responses: beyond it runs cannot separate the effects
 LARGEST_CORRELATION = 0.995
 IDENTIFIABLE = "not identifiable"
+# groups of findings on a page
+MEND = "Mend before anything is fitted"
+RECORDINGS, SILENT = "Recordings", "What these runs cannot say"
 HEADLINES: dict[Level, str] = {  # from the best to the worst level
     "good": "These runs can be fitted",
     "fair": "These runs can be fitted; mind the findings below",
@@ -98,11 +101,12 @@ def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
 
 def refuse(findings: Sequence[Finding]) -> None:
     """Raise ConfigurationError where one of `findings` forbids a fit."""
-    bad = [f for f in findings if f.level == "bad"]
-    if bad:
-        more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
+    forbidding = [f for f in findings if f.level == "bad"]
+    if forbidding:
+        first, *others = forbidding
+        more = f" (and {len(others)} more)" if others else ""
         raise ConfigurationError(
-            f"{bad[0]}{more}; `cell gap check` lists all, --unchecked fits them all the"
+            f"{first}{more}; `cell gap check` lists all, --unchecked fits them all the"
             " same"
         )
 
@@ -161,16 +165,16 @@ def unidentifiable(subject: Subject) -> Iterator[Finding]:
     )
     unabsorbed = projection(stated, robustly=False).unabsorbed(responses)
     for (candidate, probe), response in zip(largest, unabsorbed.T, strict=True):
+        name = candidate.name
         sigma = np.linalg.norm(response)
         if sigma >= PROBE_SIGMA:
-            directions[candidate.name] = response / sigma
+            directions[name] = response / sigma
             continue
         k, *others = np.flatnonzero(probe != candidate.null)
-        p, more = candidate.parameters[k], " and so on" if others else ""
+        p = candidate.parameters[k]
+        more = " and so on" if others else ""
         size = f"{p.name} {p.stated_value(probe[k]):.3g} {p.unit}".removesuffix(" 1")
-        words = (
-            f"{candidate.name}: {size}{more} changes the runs by only {sigma:.1f} sigma"
-        )
+        words = f"{name}: {size}{more} changes the runs by only {sigma:.1f} sigma"
         yield Finding(what=IDENTIFIABLE, words=words, remedy=candidate.revealed_by)
     for (first, a), (second, b) in combinations(directions.items(), 2):
         if abs(a @ b) > LARGEST_CORRELATION:
@@ -187,12 +191,12 @@ def _largest_probe(candidate: Candidate) -> Array:
     """Largest probe (k,) of a candidate, in all its parameters; of places the one in
     the middle.
     """
-    amounts = [abs(group[0][0] - candidate.null[0]) for group in candidate.probes]
-    largest = [i for i, amount in enumerate(amounts) if amount == max(amounts)]
-    members = map(np.array, candidate.probes[largest[len(largest) // 2]])
-    return reduce(
-        lambda mixed, probe: np.where(probe == candidate.null, mixed, probe), members
-    )
+    null = candidate.null
+    probes = candidate.probes
+    amounts = [abs(group[0][0] - null[0]) for group in probes]
+    largest = np.flatnonzero(np.equal(amounts, max(amounts)))
+    members = map(np.array, probes[largest[len(largest) // 2]])
+    return reduce(lambda mixed, probe: np.where(probe == null, mixed, probe), members)
 
 
 def check_page(
@@ -201,28 +205,22 @@ def check_page(
     """HTML text of the self-contained page on a `check` of a subject's recordings, with
     those `drawn` (names, figures, what is missing).
     """
-    bad = sum(f.level == "bad" for f in check.findings)
-    count = f"{plural(len(check.findings), 'finding')}, {bad} of them against a fit."
-    groups = {
-        "Mend before anything is fitted": [
-            f for f in check.findings if f.level == "bad"
-        ],
-        "Recordings": [
-            f for f in check.findings if f.level == "fair" and f.what != IDENTIFIABLE
-        ],
-        "What these runs cannot say": [
-            f for f in check.findings if f.what == IDENTIFIABLE
-        ],
+    findings = check.findings
+    level = check.level
+    groups: dict[str, list[tuple[str, str, str]]] = {
+        title: [] for title in (MEND, RECORDINGS, SILENT)
     }
+    for f in findings:
+        row = f.run or "all", f"{f.what}: {f.words}", f.remedy
+        title = SILENT if f.what == IDENTIFIABLE else RECORDINGS
+        groups[MEND if f.level == "bad" else title].append(row)
+    count = f"{plural(len(findings), 'finding')}, {len(groups[MEND])} of them"
     return page(
         "gap/report/check.html",
         f"{subject}: check of its runs",
         kicker=f"Check of {plural(len(check.runs), 'run')}",
         name=subject,
-        said=PageVerdict(check.level, HEADLINES[check.level], (count,)),
+        said=PageVerdict(level, HEADLINES[level], (f"{count} against a fit.",)),
         drawn=drawn,
-        groups=[
-            (title, [(f.run or "all", f"{f.what}: {f.words}", f.remedy) for f in some])
-            for title, some in groups.items()
-        ],
+        groups=[*groups.items()],
     )

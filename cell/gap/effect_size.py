@@ -3,8 +3,8 @@ refit.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import replace
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -35,8 +35,7 @@ TIME_RANGE = (0.1, 2.0)  # s, of one that has a time
 RATIOS = (5.0, 12.0)  # of pre-sliding over bending stiffness
 
 
-@dataclass(frozen=True, slots=True)
-class Strengths:
+class Strengths(NamedTuple):
     """Range of sizes of an effect: its first parameter from null to `largest`, `others`
     fixed.
     """
@@ -48,12 +47,14 @@ class Strengths:
     def at(self, fraction: float) -> dict[str, float]:
         """Parameter values by name at a `fraction`, in (0, 1], of the largest size."""
         p = self.effect.parameters[0]
+        largest = self.largest
+        start = p.start
         if p.inverse:
-            value = self.largest / fraction
-        elif p.start > 0.0:
-            value = p.start * (self.largest / p.start) ** fraction
+            value = largest / fraction
+        elif start > 0.0:
+            value = start * (largest / start) ** fraction
         else:
-            value = fraction * self.largest
+            value = fraction * largest
         return {p.name: float(np.clip(value, *p.stated_range)), **self.others}
 
 
@@ -70,13 +71,13 @@ def draw_strengths(
     p = effect.parameters[0]
     sizes = effect.sizes(strip)
     if p.inverse:
-        return Strengths(
-            effect, others, max(p.stated_range[0], min(sizes) / BELIEVABLE)
-        )
-    if p.start > 0.0:
-        return Strengths(effect, others, max(sizes) ** sign)
-    largest = BELIEVABLE * max(map(abs, sizes)) * (1.0 if p.low >= 0.0 else sign)
-    return Strengths(effect, others, np.clip(largest, p.low, p.high))
+        largest = max(p.stated_range[0], min(sizes) / BELIEVABLE)
+    elif p.start > 0.0:
+        largest = max(sizes) ** sign
+    else:
+        side = 1.0 if p.low >= 0.0 else sign
+        largest = np.clip(BELIEVABLE * max(map(abs, sizes)) * side, p.low, p.high)
+    return Strengths(effect, others, largest)
 
 
 def _draw_shape(
@@ -85,17 +86,18 @@ def _draw_shape(
     """Draw place [m], width [m], time [s], ratio of an effect; further amounts are at
     null.
     """
+    uniform = rng.uniform
     others = {}
     for p in effect.parameters[1:]:
         match p.role:
             case "place":
-                value = strip.length * rng.uniform(*PLACE_RANGE)
+                value = strip.length * uniform(*PLACE_RANGE)
             case "width":
-                value = strip.bending_length * rng.uniform(*WIDTHS)
+                value = strip.bending_length * uniform(*WIDTHS)
             case "time":
-                value = float(np.exp(rng.uniform(*np.log(TIME_RANGE))))
+                value = float(np.exp(uniform(*np.log(TIME_RANGE))))
             case "ratio":
-                value = rng.uniform(*RATIOS)
+                value = uniform(*RATIOS)
             case "amount":
                 value = p.start
             case _:
@@ -171,25 +173,21 @@ class GapModel:
         """Change (N,) [noise] of residuals, stated to `results`, that a base refit
         leaves.
         """
-        runs = zip(
-            results, self._estimate.raw, self._estimate.evidence.scales, strict=True
-        )
-        moved = [response(result, base, scale) for result, base, scale in runs]
+        estimate = self._estimate
+        rows = zip(results, estimate.raw, estimate.runs, strict=True)
+        moved = [response(result, at, run.samples.scale) for result, at, run in rows]
         return self._about.unabsorbed(np.concatenate(moved))
 
     def excess_of(self, response: Array) -> float:
         """Excess residual [noise] of runs that differ from their model by a `response`
         (N,).
         """
-        evidence = self._estimate.evidence
-        by_run = self._estimate.by_run(response)
+        estimate = self._estimate
         noisy = [
-            np.sqrt(r**2 + (run.samples.noise / scale) ** 2)
-            for r, run, scale in zip(
-                by_run, evidence.runs, evidence.scales, strict=True
-            )
+            np.hypot(r, run.samples.noise / run.samples.scale)
+            for r, run in zip(estimate.by_run(response), estimate.runs, strict=True)
         ]
-        return held_out_gap.excess_of(replace(self._estimate, residuals=noisy))
+        return held_out_gap.excess_of(replace(estimate, residuals=noisy))
 
     def fraction(
         self, strengths: Strengths, target: float, most: float = np.inf

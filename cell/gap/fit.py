@@ -67,12 +67,12 @@ def fit(
     something that no fit wrote, and where results cannot be written.
     """
     began = time.monotonic()
+    hold_out = options.hold_out
     fit_folder.check_replaceable(out)
-    cell_digest = None
-    if options.cell_file:
-        cell_digest = file_digest(options.cell_file)
+    cell_file = options.cell_file
+    cell_digest = file_digest(cell_file) if cell_file else None
     folders = find_runs(runs)
-    hold.check([run.name for run in folders], options.hold_out)
+    hold.check([run.name for run in folders], hold_out)
     distinct, copies = without_copies(folders)
     refuse([] if options.unchecked else recordings(distinct))
     subject = open_subject(file, distinct, options.jobs, options.without)
@@ -81,7 +81,7 @@ def fit(
     progress(f"read {plural(len(folders), 'run')}", 0.0)
 
     simulate = CountedSimulation(subject.simulate)
-    held_out = [copies.get(name, name) for name in options.hold_out]
+    held_out = [copies.get(name, name) for name in hold_out]
     # matrices are small: threads only wait for each other
     with fit_folder.results_folder(out) as results, threadpool_limits(1, "blas"):
         held = hold.held_out(subject, simulate, held_out)
@@ -159,21 +159,20 @@ def _write_patches(
     """Write a patch for each step that accepts something, into `results` of the fit
     `name`.
     """
-    offered = {
-        "accept": verdict.values_with(verdict.effects),
-        "accept_suspected": verdict.values_with(verdict.suspected),
-        "accept_values": verdict.values_with(()),
+    effects = {
+        "accept": verdict.effects,
+        "accept_suspected": verdict.suspected,
+        "accept_values": (),
     }
+    offered = {kind: verdict.values_with(some) for kind, some in effects.items()}
     if law := findings.law:
         terms = {name: {"amount": value} for name, value in law.terms.items()}
         offered["accept_law"] = law.base, terms
-    patches = {}
-    for kind in (step.kind for step in verdict.steps):
-        if kind in offered:
-            patches[kind] = _write_patch(
-                findings.subject, kind, offered[kind], results, name
-            )
-    return patches
+    return {
+        kind: _write_patch(findings.subject, kind, offered[kind], results, name)
+        for kind in (step.kind for step in verdict.steps)
+        if kind in offered
+    }
 
 
 def _write_patch(

@@ -15,7 +15,7 @@ from cell.gap.diagnosis.lack_of_fit import ResidualTest
 from cell.gap.fitting import Simulate, run_all, run_one
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, FitEstimate, best, refit
-from cell.gap.fitting.model import Evidence, Point
+from cell.gap.fitting.model import Point
 from cell.gap.fitting.reml import (
     Spread,
     clearly_differ,
@@ -24,10 +24,17 @@ from cell.gap.fitting.reml import (
     with_unknowns,
 )
 from cell.gap.selection.choice import choose
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, gain
+from cell.gap.selection.likelihood import (
+    ALPHA,
+    MIN_GAIN,
+    Fits,
+    best_fitting,
+    gain,
+)
 from cell.gap.selection.posterior import posterior
 from cell.gap.selection.screening import ranked_pairs
 from cell.gap.selection.search import BUDGET, Search, within_reach, without_each
+from cell.gap.subject.subject import FitRun
 from cell.gap.verdict.findings import BaseFit, Screen
 from drivers.base.types import Array
 
@@ -54,13 +61,16 @@ class BaseStart(NamedTuple):
     runs.
     """
 
-    runs: Evidence
+    runs: Sequence[FitRun]
     point: Point
     scatter: tuple[Spread, ...]
 
 
 def revised_base(
-    simulate: Simulate, fits: Fits, scatter: Sequence[Spread], complete: Evidence
+    simulate: Simulate,
+    fits: Fits,
+    scatter: Sequence[Spread],
+    complete: Sequence[FitRun],
 ) -> BaseStart | None:
     """Runs, start and spreads for a new base fit, from models that beat the base; else
     None.
@@ -74,8 +84,8 @@ def revised_base(
         return None
     spreads = estimate_spreads(simulate, leading[0].estimate, complete)
     better = _better_base(simulate, fits, leading)
-    current = {s.name: s.value for s in scatter}
-    if not better and not clearly_differ(current, {s.name: s.value for s in spreads}):
+    before, now = ({s.name: s.value for s in some} for some in (scatter, spreads))
+    if not better and not clearly_differ(before, now):
         return None
     start = better or fits.base.estimate
     return BaseStart(*with_unknowns(start, with_spreads(complete, spreads)), spreads)
@@ -100,21 +110,18 @@ def _better_base(
     A base that stopped in a local minimum leaves a gap that is none.
     """
     base = fits.base.estimate
+    model = base.model
+    runs = base.runs
     tasks = []
     for fit in (m.estimate for m in leading):
         values, _ = fit.values
         start = Point(values, fit.local)
-        tasks.append(
-            refit(
-                base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.short_steps
-            )
-        )
+        tasks.append(refit(model, runs, start, None, ROUGH_GAIN, BUDGET.short_steps))
     started = best([base, *run_all(simulate, tasks)])
     if started is base:
         return None
-    refitted = run_one(
-        simulate, refit(base.model, base.evidence, started.point, started.jacobians)
-    )
+    again = refit(model, runs, started.point, started.jacobians)
+    refitted = run_one(simulate, again)
     scale = min(base.scale, refitted.scale)
     is_better = refitted.objective_at(scale) < base.objective_at(scale) - MIN_GAIN
     return refitted if is_better else None
@@ -125,7 +132,7 @@ def refit_on_base(
     fits: Fits,
     base: CrossValidatedFit,
     spreads: Sequence[Spread],
-    complete: Evidence,
+    complete: Sequence[FitRun],
 ) -> Fits:
     """Models of `fits` refitted with the values of a new `base` and with run-to-run
     `spreads`.
@@ -133,34 +140,38 @@ def refit_on_base(
     `complete` are the runs with all unknowns. Models that cannot come up to the best
     one are left out. Beside another base the other sign of an effect may fit better.
     """
-    new_evidence = base.estimate.evidence
+    runs = base.estimate.runs
+    known = fits.models
+    likelihood = fits.likelihood
     tasks = []
-    nats = {m.names: gain(m, fits.base, fits.likelihood) for m in fits.models}
-    for fit in (m.estimate for m in fits.models if m.effects):
-        if within_reach(nats[fit.names], max(nats.values())):
+    nats = [gain(m, fits.base, likelihood) for m in known]
+    for fit, n in zip((m.estimate for m in known), nats, strict=True):
+        if fit.effects and within_reach(n, max(nats)):
             _, start = with_unknowns(fit, with_spreads(complete, spreads))
-            secants = _secants(fit, new_evidence)
-            tasks.append(refit(fit.model, new_evidence, start, secants, ROUGH_GAIN))
+            secants = _secants(fit, runs)
+            tasks.append(refit(fit.model, runs, start, secants, ROUGH_GAIN))
     estimates = run_all(search.simulate, tasks)
     refitted = run_all(search.simulate, [*map(validate, estimates)])
     fits = replace(fits, models=(base, *refitted))
-    in_reach = [
-        m for m in fits.models if gain(fits.best, m, fits.likelihood) <= BUDGET.reach
-    ]
+    best = fits.best
+    likelihood = fits.likelihood
+    in_reach = [m for m in fits.models if gain(best, m, likelihood) <= BUDGET.reach]
     return search.other_signs(fits, in_reach)
 
 
-def _secants(fit: FitEstimate, evidence: Evidence) -> Sequence[Array] | None:
+def _secants(fit: FitEstimate, runs: Sequence[FitRun]) -> Sequence[Array] | None:
     """Whitened Jacobians (n, shared + local) of each run at `fit`, for the scales of
-    `evidence`.
+    `runs`.
 
-    None where the runs of `evidence` have other unknowns of their own.
+    None where these have other unknowns of their own.
     """
-    pairs = list(zip(fit.runs, evidence.runs, strict=True))
-    if any([p.name for p in a.local] != [p.name for p in b.local] for a, b in pairs):
-        return None
-    rows = zip(fit.jacobians, fit.evidence.scales, evidence.scales, strict=True)
-    return [jacobian * (old / new)[:, None] for jacobian, old, new in rows]
+    secants = []
+    for jacobian, old, new in zip(fit.jacobians, fit.runs, runs, strict=True):
+        if [p.name for p in old.local] != [p.name for p in new.local]:
+            return None
+        finer = old.samples.scale / new.samples.scale
+        secants.append(jacobian * finer[:, None])
+    return secants
 
 
 def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
@@ -191,12 +202,13 @@ def refit_further(search: Search, models: Models, progress: Progress) -> Fits:
     if _leaves_more(fits):
         progress("refit pairs", 0.5)
         fits = _refit_pairs(search, models.screen, fits)
-    elif _accept(fits).effects:
+    elif (accepted := _accept(fits)).effects:
         progress("screen beside the accepted effect", 0.5)
-        fits = search.extend(fits, [_accept(fits)])
-    if len(_accept(fits).effects) == 2:
+        fits = search.extend(fits, [accepted])
+    accepted = _accept(fits)
+    if len(accepted.effects) == 2:
         progress("refit triples", 0.7)
-        fits = search.extend(fits, [_accept(fits)])
+        fits = search.extend(fits, [accepted])
     return _refit_alternatives(search, fits)
 
 
@@ -246,8 +258,6 @@ def _leaves_more(fits: Fits) -> bool:
     """Whether the best fitting model leaves more than noise, overall or in a bin of
     samples.
     """
-    best = min(
-        fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)
-    ).estimate
+    best = best_fitting(fits.models)
     test = ResidualTest.of(best, np.random.default_rng(1))
     return test.misfit() < ALPHA or any(place.p < ALPHA for place in test.test_bins())

@@ -12,14 +12,13 @@ from cell.gap.diagnosis.next_experiment import Recommendation, advise
 from cell.gap.fitting import Simulate, run_all, run_one
 from cell.gap.fitting.base_fit import (
     projection,
-    refine,
     refit_base,
     refit_fine,
     strains,
 )
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import FitEstimate, linearise, refit
-from cell.gap.fitting.model import Evidence, Model, Point, evidence
+from cell.gap.fitting.model import Model, Point, requests, stated
 from cell.gap.fitting.reml import (
     estimate_spreads,
     reml_spreads,
@@ -51,7 +50,7 @@ from cell.gap.selection.screening import (
     run_probes,
 )
 from cell.gap.selection.search import Search
-from cell.gap.subject.subject import Scope, Subject
+from cell.gap.subject.subject import FitRun, Scope, Subject
 from cell.gap.verdict.decision import decide, doubtful_values
 from cell.gap.verdict.findings import (
     BaseFit,
@@ -76,7 +75,7 @@ def investigate(
     `held_out`.
     """
     fitted, unseen = (
-        evidence([run for run in subject.runs if (run.name in held_out) is held])
+        [run for run in subject.runs if (run.name in held_out) is held]
         for held in (False, True)
     )
     stages = Investigation(
@@ -101,7 +100,7 @@ class Investigation:
     subject: Subject
     simulate: Simulate
     progress: Progress
-    fitted: Evidence
+    fitted: Sequence[FitRun]
     rng: np.random.Generator
 
     @property
@@ -134,18 +133,18 @@ class Investigation:
 
         `fraction` of the whole investigation is done by then.
         """
-        search = Search(self.simulate, self.scope.candidates, models.screen.probed)
+        probed = models.screen.probed
+        search = Search(self.simulate, self.scope.candidates, probed)
         fits = add_models(search, models, self.progress)
-        if fits.best is models.fits.best:
-            return models._replace(fits=fits)
-        revised = revised_base(
-            self.simulate, fits, models.base_fit.scatter, self.fitted
-        )
+        revised = None
+        if fits.best is not models.fits.best:
+            scatter = models.base_fit.scatter
+            revised = revised_base(self.simulate, fits, scatter, self.fitted)
         if not revised:
             return models._replace(fits=fits)
         self.progress("refit the base beside the best", fraction)
         base_fit = self._judge_base(revised)
-        screen = self._score_candidates(base_fit, models.screen.probed)
+        screen = self._score_candidates(base_fit, probed)
         fits = refit_on_base(search, fits, base_fit.base, base_fit.scatter, self.fitted)
         return Models(base_fit, screen, replace(fits, library=screen.library))
 
@@ -197,32 +196,33 @@ class Investigation:
         )
 
     def judge(
-        self, models: Models, unseen: Evidence, held_out: Sequence[str]
+        self, models: Models, unseen: Sequence[FitRun], held_out: Sequence[str]
     ) -> Findings:
         """Choose a model, test it, and fit it to the runs `unseen`, whose names are
         `held_out`.
         """
+        base_fit, screen, fits = models
         self.progress("judge", 0.8)
-        sets = posterior(models.fits, models.fits.likelihood)
-        accepted, fits = self.choose(models.fits, sets)
+        sets = posterior(fits, fits.likelihood)
+        accepted, fits = self.choose(fits, sets)
         tests = self._test_model(accepted, fits, sets)
         self.progress("show on held-out runs", 0.9)
-        unseen = with_spreads(unseen, models.base_fit.scatter)
-        held_out_fits = self._refit_held_out(models.base_fit.base, accepted, unseen)
+        unseen = with_spreads(unseen, base_fit.scatter)
+        held_out_fits = self._refit_held_out(base_fit.base, accepted, unseen)
         self.progress("advise", 0.95)
-        is_gap = bool(accepted.effects) or models.base_fit.gap
+        is_gap = bool(accepted.effects) or base_fit.gap
         results = FitResults(
             subject=self.subject,
             held_out=held_out,
-            base_fit=models.base_fit,
-            screen=models.screen,
+            base_fit=base_fit,
+            screen=screen,
             accepted=accepted,
             fits=fits,
             posterior=sets,
             model_tests=tests,
             held_out_fits=held_out_fits,
         )
-        advised = self.advise(models.screen, accepted, fits, tests) if is_gap else ()
+        advised = self.advise(screen, accepted, fits, tests) if is_gap else ()
         return Findings.of(results, decide(results), advised)
 
     def choose(self, fits: Fits, sets: Posterior) -> tuple[CrossValidatedFit, Fits]:
@@ -236,9 +236,7 @@ class Investigation:
         if not rough.effects:
             return rough, fits
         fit = rough.estimate
-        fine = refit_fine(
-            self.subject, self.simulate, fit.model, fit.evidence, fit.point
-        )
+        fine = refit_fine(self.subject, self.simulate, fit.model, fit.runs, fit.point)
         refined = run_one(self.simulate, validate(fine))
         models = [refined if m is rough else m for m in fits.models]
         return refined, replace(fits, models=models)
@@ -282,25 +280,24 @@ class Investigation:
         return test.matching(accepted.estimate, others)
 
     def _refit_held_out(
-        self, base: CrossValidatedFit, accepted: CrossValidatedFit, unseen: Evidence
+        self,
+        base: CrossValidatedFit,
+        accepted: CrossValidatedFit,
+        unseen: Sequence[FitRun],
     ) -> HeldOutFits:
         """Fit base and accepted model to the runs `unseen`, with their shared
         parameters fixed.
         """
-        fits = (
-            [base.estimate, accepted.estimate] if accepted.effects else [base.estimate]
-        )
-        start = unseen.start()
+        fits = [base.estimate, *([accepted.estimate] if accepted.effects else [])]
         refined = [
-            refine(self.subject, fit.model, Point(fit.shared, start), unseen)
+            self.subject.refine(requests(fit.model, unseen, stated(unseen, fit.shared)))
             for fit in fits
         ]
         # both gaps in the same units, with the floors of either simulation
-        floors = zip(*(runs.scales for runs in refined), strict=True)
-        scales = [np.max(each, axis=0) for each in floors]
+        by_run = map(_with_largest_floor, zip(*refined, strict=True))
         before, *others = (
-            held_out_gap.fit_held_out(self.simulate, fit, replace(runs, scales=scales))
-            for fit, runs in zip(fits, refined, strict=True)
+            held_out_gap.fit_held_out(self.simulate, fit, runs)
+            for fit, runs in zip(fits, zip(*by_run, strict=True), strict=True)
         )
         after = others[0] if others else before
         return HeldOutFits(before, after, held_out_gap.shrink(before, after, self.rng))
@@ -323,7 +320,7 @@ class Investigation:
         if not second:
             return ()
         experiments = [
-            replace(e, run=with_spreads(evidence([e.run]), tests.scatter).runs[0])
+            e._replace(run=with_spreads([e.run], tests.scatter)[0])
             for e in self.subject.experiments()
         ]
         return run_one(self.simulate, advise(first, second, experiments, likelihood))
@@ -331,29 +328,37 @@ class Investigation:
 
 def in_all_runs(findings: Findings, simulate: Simulate) -> FitEstimate:
     """Estimate of the accepted model in fitted and held-out runs, not fitted again."""
-    fitted, held_out = findings.accepted.estimate, findings.held_out_fits.after
-    unseen = held_out.evidence
+    fitted = findings.accepted.estimate
+    held_out = findings.held_out_fits.after
+    model = fitted.model
+    unseen = held_out.runs
     point = Point(fitted.shared, held_out.local)
-    raw, jacobians = run_one(simulate, linearise(fitted.model, unseen, point))
-    runs = fitted.evidence
+    raw, jacobians = run_one(simulate, linearise(model, unseen, point))
     return FitEstimate.at(
-        fitted.model,
-        Evidence((*runs.runs, *unseen.runs), (*runs.scales, *unseen.scales)),
-        Point(fitted.shared, (*fitted.point.local, *point.local)),
+        model,
+        (*fitted.runs, *unseen),
+        Point(fitted.shared, (*fitted.local, *point.local)),
         (*fitted.raw, *raw),
         (*fitted.jacobians, *jacobians),
     )
+
+
+def _with_largest_floor(runs: Sequence[FitRun]) -> list[FitRun]:
+    """Copies of one run, refined in several ways, with the largest floor of all."""
+    floor = np.max([run.samples.floor for run in runs], axis=0)
+    return [replace(run, samples=replace(run.samples, floor=floor)) for run in runs]
 
 
 def _is_strained(base: FitEstimate) -> bool:
     """Whether fitted base values contradict their priors, jointly or a single one
     (chi^2 tests).
     """
-    squares = np.square(list(strains(base).values()))
-    if not len(squares):
+    squares = [strain**2 for strain in strains(base).values()]
+    count = len(squares)
+    if not count:
         return False
-    any_one = len(squares) * float(special.chdtrc(1, squares.max()))  # Bonferroni
-    return min(float(special.chdtrc(len(squares), squares.sum())), any_one) < ALPHA
+    any_one = count * special.chdtrc(1, max(squares))  # Bonferroni
+    return bool(min(special.chdtrc(count, sum(squares)), any_one) < ALPHA)
 
 
 def _alternative(

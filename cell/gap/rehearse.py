@@ -24,7 +24,7 @@ from cell.base.campaign.versions import verdicts
 from cell.gap.effect_size import GapModel, draw_strengths, indistinguishable_from
 from cell.gap.fit import fit
 from cell.gap.fitting.base_fit import refit_base
-from cell.gap.fitting.model import Model, evidence
+from cell.gap.fitting.model import Model
 from cell.gap.fitting.reml import reml_spreads
 from cell.gap.subject.run_folders import find_runs, without_copies
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
@@ -90,10 +90,9 @@ def rehearsal_plan(paths: Sequence[Path], file: Path, jobs: int) -> Plan:
     strip = load_strip(file)
     measured = read_runs(folders, strip)
     subject = StripSubject(strip, measured, jobs)
-    base = refit_base(
-        subject.simulate, Model(subject.scope.base), evidence(subject.runs)
-    )
-    pairs = zip(subject.scope.base, base.shared, strict=True)
+    parameters = subject.scope.base
+    base = refit_base(subject.simulate, Model(parameters), subject.runs)
+    pairs = zip(parameters, base.shared, strict=True)
     values = {p.name: p.stated_value(v) for p, v in pairs}
     usable = [run for run in measured if run.usable]
     copies, unseen = _copies_with_each_effect(fitted_strip(strip, values), usable)
@@ -115,12 +114,11 @@ def _path_of_run(run: MeasuredRun) -> GripperPath:
     """Measured gripper path of a run, with a standstill of DWELL_TIME added for a late
     touch.
     """
-    later = run.t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
-    still = np.repeat(run.poses[-1:], len(later), axis=0)
-    times = np.concatenate([run.t, later]) - run.t[0]
-    return GripperPath(
-        frozen(times), frozen(np.vstack([run.poses, still])), run.hanging
-    )
+    rows = round(DWELL_TIME / ROW_PERIOD)
+    t = run.t - run.t[0]
+    times = np.append(t, t[-1] + ROW_PERIOD * np.arange(1, rows + 1))
+    poses = np.pad(run.poses, ((0, rows), (0, 0)), mode="edge")
+    return GripperPath(frozen(times), frozen(poses), run.hanging)
 
 
 def _copies_with_each_effect(
@@ -132,10 +130,9 @@ def _copies_with_each_effect(
     first run. Second, the names of the effects that leave such a gap at no believable
     size.
     """
-    gap_model = GapModel.along(
-        strip, [_path_of_run(run) for run in runs], runs[0].sigma
-    )
-    copies, unseen = [], []
+    gap_model = GapModel.along(strip, [*map(_path_of_run, runs)], runs[0].sigma)
+    copies = []
+    unseen = []
     for seed, (name, effect) in enumerate(sorted(registry().items())):
         if name in strip.effects:
             continue
@@ -153,20 +150,19 @@ def _diagnose_copy(plan: Plan, hidden: HiddenCopy) -> Mapping[str, Any]:
     """Simulate a copy of the runs and fit it; returns hidden effect and verdict as
     plain values.
     """
-    file = Path(plan.file)
     with TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
-        write_copy(plan, hidden, folder / "runs")
-        verdict = fit([folder / "runs"], file, folder / "out")
+        runs = folder / "runs"
+        write_copy(plan, hidden, runs)
+        verdict = fit([runs], Path(plan.file), folder / "out")
+    effects = verdict.effects
     return {
         "hidden": hidden.effect,
         "values": hidden.values,
         "verdict": verdict.verdict,
-        "named": [effect.name for effect in verdict.effects],
+        "named": [effect.name for effect in effects],
         "classes": verdict.ambiguous,
-        "confidence": min(
-            (effect.confidence for effect in verdict.effects), default=None
-        ),
+        "confidence": min((effect.confidence for effect in effects), default=None),
     }
 
 
@@ -182,12 +178,12 @@ def write_copy(plan: Plan, hidden: HiddenCopy, folder: Path) -> None:
         _with_scatter(describe(fitted, effects, run.index), plan.scatter, rng)
         for run in runs
     ]
-    folds = rod_folds(models, [_path_of_run(run) for run in runs], SEGMENTS, STEP)
+    folds = rod_folds(models, [*map(_path_of_run, runs)], SEGMENTS, STEP)
     for number, (run, fold) in enumerate(zip(runs, folds, strict=True)):
         copy = replace(fold, index=run.index, condition=run.condition)
-        noise = (
-            run.sigma if run.has_force else run.sigma.model_copy(update={"force": None})
-        )
+        noise = run.sigma
+        if not run.has_force:
+            noise = noise.model_copy(update={"force": None})
         write_fold(folder / f"{number:02d}", strip.name, copy, noise, rng)
 
 
@@ -225,8 +221,8 @@ def is_right(outcome: Mapping[str, Any]) -> bool:
     if name == NO_EFFECT:
         return bool(outcome["verdict"] == "no_gap")
     acceptable = {name, *indistinguishable_from(name)}
-    if outcome["named"]:
-        return acceptable.issuperset(outcome["named"])
+    if named := outcome["named"]:
+        return acceptable.issuperset(named)
     return any(not acceptable.isdisjoint(group) for group in outcome["classes"])
 
 
@@ -243,24 +239,29 @@ def _answer(outcome: Mapping[str, Any]) -> str:
     """Names with confidence, classes of effects, or verdict on a copy, as short
     text.
     """
-    if not outcome["named"]:
+    named = ", ".join(outcome["named"])
+    if not named:
         groups = "; ".join(" or ".join(group) for group in outcome["classes"])
         return groups or plain(outcome["verdict"])
-    return f"{', '.join(outcome['named'])}, confidence {outcome['confidence']:.2f}"
+    return f"{named}, confidence {outcome['confidence']:.2f}"
 
 
 def page(plan: Plan, records: Sequence[Record]) -> str:
     """Markdown page of a rehearsal: which effects could be named, which names are
     false.
     """
-    outcomes = [r.outcome for r in records if r.outcome]
-    hidden = [o for o in outcomes if o["hidden"] != NO_EFFECT]
-    empty = [o for o in outcomes if o["hidden"] == NO_EFFECT]
+    hidden = []
+    empty = []
     rows = []
-    for o in hidden:
-        size = ", ".join(f"{name} {v:.3g}" for name, v in o["values"].items())
+    for o in (r.outcome for r in records if r.outcome):
+        name = o["hidden"]
+        if name == NO_EFFECT:
+            empty.append(o)
+            continue
+        hidden.append(o)
+        size = ", ".join(f"{key} {v:.3g}" for key, v in o["values"].items())
         right = "yes" if is_right(o) else "**no**"
-        rows.append((o["hidden"], size, _answer(o), right))
+        rows.append((name, size, _answer(o), right))
     parts = [
         f"# Rehearsal of {len(plan.runs)} runs",
         *_summary(plan, hidden, empty),
@@ -295,8 +296,9 @@ def write_page(plan: Plan, records: Sequence[Record], folder: Path) -> Path:
     """
     outcomes = [dict(r.outcome) for r in records if r.outcome]
     replace_file(folder / "rehearsal.json", json.dumps(outcomes, indent=1).encode())
-    replace_file(folder / PAGE, page(plan, records).encode())
-    return folder / PAGE
+    place = folder / PAGE
+    replace_file(place, page(plan, records).encode())
+    return place
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.fitting import CountedSimulation, run_one
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import FitEstimate, refit
-from cell.gap.fitting.model import Model, evidence, stated
+from cell.gap.fitting.model import Model, stated
 from cell.gap.investigate import investigate
 from cell.gap.selection.hold_out import held_out
 from cell.gap.subject.subject import (
@@ -22,6 +22,7 @@ from cell.gap.subject.subject import (
     Series,
     SimulationRequest,
     Subject,
+    starts,
 )
 from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
@@ -161,9 +162,10 @@ def judged(subject: Curves) -> tuple[Findings, Verdict]:
 
 
 def fitted(subject: Curves, names: Sequence[str] = ()) -> FitEstimate:
-    scope, runs = subject.scope, evidence(subject.runs)
+    scope, runs = subject.scope, subject.runs
     model = Model(scope.base, tuple(c for c in scope.candidates if c.name in names))
-    return run_one(subject.simulate, refit(model, runs, stated(model, runs)))
+    start = stated(runs, starts(model.parameters))
+    return run_one(subject.simulate, refit(model, runs, start))
 
 
 def hidden(law: Law, size: float) -> Law:

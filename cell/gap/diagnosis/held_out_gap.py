@@ -2,22 +2,22 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from cell.gap.fitting import Simulate, robust, run_one
 from cell.gap.fitting.gauss_newton import FitEstimate, refit
-from cell.gap.fitting.model import Evidence, Point
-from cell.gap.subject.subject import Quantity, Words
+from cell.gap.fitting.model import stated
+from cell.gap.subject.subject import FitRun, Quantity, Words
 from drivers.base.types import Array
 
 ODD = 3.0  # times as far off as others, beyond what noise does; set by hand
 DRAWS = 2000  # of runs, for the interval of the shrink; set by hand
 
 
-@dataclass(frozen=True, slots=True)
-class Shrink:
+class Shrink(NamedTuple):
     """Share by which a model reduces the excess residual of held-out runs, with 95 %
     interval.
     """
@@ -28,39 +28,38 @@ class Shrink:
 
 
 def fit_held_out(
-    simulate: Simulate, estimate: FitEstimate, evidence: Evidence
+    simulate: Simulate, estimate: FitEstimate, runs: Sequence[FitRun]
 ) -> FitEstimate:
-    """Fit `estimate` to other runs: shared values stay fixed, the runs' own unknowns
+    """Fit `estimate` to other `runs`: shared values stay fixed, the runs' own unknowns
     are free.
     """
     model = estimate.model.holding(estimate.shared)
-    start = Point(np.zeros(0), evidence.start())
-    return run_one(simulate, refit(model, evidence, start))
+    return run_one(simulate, refit(model, runs, stated(runs, np.zeros(0))))
 
 
-def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, float]:
+def floor(
+    runs: Sequence[FitRun], quantities: Mapping[str, Quantity]
+) -> dict[str, float]:
     """Root mean square noise by displayed quantity: the residual that a perfect model
     leaves.
     """
-    readings = [run.samples.reading**2 for run in evidence.runs]
-    return _display_gaps(evidence, readings, quantities)
+    readings = [run.samples.reading**2 for run in runs]
+    return _display_gaps(runs, readings, quantities)
 
 
 def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
     """Mean of the finite values of `square` (n,), by the word of `words` (n,) that
     marks them.
     """
-    means = {}
-    for name in np.unique(words):
-        values = square[words == name]
-        values = values[np.isfinite(values)]
-        if len(values):
-            means[str(name)] = values.mean()
-    return means
+    known = np.isfinite(square)
+    return {
+        str(name): square[known & (words == name)].mean()
+        for name in np.unique(words[known])
+    }
 
 
 def _display_gaps(
-    evidence: Evidence,
+    runs: Sequence[FitRun],
     squares_by_run: Sequence[Array],
     quantities: Mapping[str, Quantity],
 ) -> dict[str, float]:
@@ -68,14 +67,11 @@ def _display_gaps(
     [SI^2].
     """
     squares: dict[str, list[float]] = defaultdict(list)
-    for run, square in zip(evidence.runs, squares_by_run, strict=True):
+    for run, square in zip(runs, squares_by_run, strict=True):
         for name, mean in _mean_by_word(run.samples.quantity, square).items():
             squares[name].append(mean)
-    return {
-        quantities[name].key: quantities[name].factor * np.sqrt(np.mean(values))
-        for name, values in squares.items()
-        if quantities[name].key
-    }
+    means = {quantities[name]: np.mean(values) for name, values in squares.items()}
+    return {q.key: q.factor * np.sqrt(mean) for q, mean in means.items() if q.key}
 
 
 def run_squares(estimate: FitEstimate) -> Array:
@@ -84,7 +80,7 @@ def run_squares(estimate: FitEstimate) -> Array:
     """
     pairs = zip(estimate.runs, estimate.residuals, strict=True)
     channels = [_mean_by_word(run.samples.channel, r**2) for run, r in pairs]
-    return np.array([np.mean(list(squares.values())) for squares in channels])
+    return np.array([np.mean([*squares.values()]) for squares in channels])
 
 
 def excess(squares: Array) -> Array:
@@ -106,9 +102,7 @@ def excess_by_quantity(
     estimate: FitEstimate, quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
     """Excess residual [noise] of a fit in each displayed quantity, by its key."""
-    shown = _display_gaps(
-        estimate.evidence, [r**2 for r in estimate.residuals], quantities
-    )
+    shown = _display_gaps(estimate.runs, [r**2 for r in estimate.residuals], quantities)
     units = {q.key: q.factor for q in quantities.values()}
     return {
         key: max((rms / units[key]) ** 2 - 1.0, 0.0) ** 0.5
@@ -131,9 +125,7 @@ def sizes(
     """Root mean square residuals of a fit by displayed quantity, and its `excess`
     [noise].
     """
-    rms = _display_gaps(
-        estimate.evidence, [raw.square for raw in estimate.raw], quantities
-    )
+    rms = _display_gaps(estimate.runs, [raw.square for raw in estimate.raw], quantities)
     return {**rms, "excess": excess_of(estimate)}
 
 
@@ -146,17 +138,13 @@ def rms_by_run(
     A true model leaves about 1 in these units, by which outliers are bounded. Channels
     weigh alike.
     """
-    evidence = estimate.evidence
     bounded = []
-    for run, r, scale in zip(
-        evidence.runs, estimate.residuals, evidence.scales, strict=True
-    ):
-        tolerance = np.array(
-            [quantities[str(name)].tolerance for name in run.samples.quantity]
-        )
+    for run, r in zip(estimate.runs, estimate.residuals, strict=True):
+        samples = run.samples
+        scale = samples.scale
+        tolerance = [quantities[str(name)].tolerance for name in samples.quantity]
         bounded.append(robust.bound(r * scale / np.hypot(scale, tolerance)))
-    squares = run_squares(replace(estimate, residuals=bounded))
-    return [np.sqrt(square) for square in squares]
+    return [*np.sqrt(run_squares(replace(estimate, residuals=bounded)))]
 
 
 def odd_runs(
@@ -179,10 +167,11 @@ def shrink(before: FitEstimate, after: FitEstimate, rng: np.random.Generator) ->
     """Share of the excess residual removed, 1 - after / before, by bootstrap (Efron
     1979).
     """
-    squares_before, squares_after = run_squares(before), run_squares(after)
-    drawn = rng.integers(0, len(squares_before), (DRAWS, len(squares_before)))
-    value = float(_share_closed(squares_before, squares_after))
-    shares = _share_closed(squares_before[drawn], squares_after[drawn])
+    squares = [*map(run_squares, (before, after))]
+    count = len(before.runs)
+    drawn = rng.integers(0, count, (DRAWS, count))
+    shares = _share_closed(*(by_run[drawn] for by_run in squares))
+    value = float(_share_closed(*squares))
     return Shrink(value, *np.quantile(shares, [0.025, 0.975]))
 
 
@@ -191,4 +180,5 @@ def _share_closed(before: Array, after: Array) -> Array:
     without excess.
     """
     gap = excess(before)
-    return np.where(gap > 0.0, 1.0 - excess(after) / np.where(gap > 0.0, gap, 1.0), 0.0)
+    is_gap = gap > 0.0
+    return np.where(is_gap, 1.0 - excess(after) / np.where(is_gap, gap, 1.0), 0.0)

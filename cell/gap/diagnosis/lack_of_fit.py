@@ -7,7 +7,7 @@ N is the number of samples of all runs, stacked run by run.
 from collections import defaultdict
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Self, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 from scipy import special
@@ -38,8 +38,7 @@ OTHERS = 0.01  # of a run's weight, that of others in a fit to it
 SUSPECTED = 0.02  # p-value; of six runs in a row two neighbours may be exchanged
 
 
-@dataclass(frozen=True, slots=True)
-class Repeats:
+class Repeats(NamedTuple):
     """Scatter between repeats of a condition, by channel, in units of the stated noise.
 
     `scatter` between repeats, and `inflation` of the noise once a drift of the base
@@ -112,15 +111,14 @@ def _pure_error(
     squares: dict[str, float] = defaultdict(float)
     freedom: dict[str, int] = defaultdict(int)
     for channel, (mean, count) in _repeated_bins(estimate, residuals):
-        squares[channel] += (
-            count * (mean - np.average(mean, weights=count)) ** 2
-        ).sum()
+        about = mean - np.average(mean, weights=count)
+        squares[channel] += count @ about**2
         freedom[channel] += len(mean) - 1
     factors = {}
-    for channel, dof in freedom.items():
-        left = max(1, dof - spent)
-        excess = special.chdtrc(left, squares[channel]) < ALPHA
-        factors[channel] = max(1.0, np.sqrt(squares[channel] / left)) if excess else 1.0
+    for channel, square in squares.items():
+        left = max(1, freedom[channel] - spent)
+        excess = special.chdtrc(left, square) < ALPHA
+        factors[channel] = max(1.0, np.sqrt(square / left)) if excess else 1.0
     return factors
 
 
@@ -145,24 +143,23 @@ def _relative_index(runs: Sequence[FitRun]) -> Array:
     repeats.
     """
     index = np.array([run.index for run in runs], dtype=float)
-    condition = np.array([run.condition for run in runs])
-    return np.asarray(
-        index - np.array([index[condition == own].mean() for own in condition])
-    )
+    for rows in _rows_by(run.condition for run in runs).values():
+        index[rows] -= index[rows].mean()
+    return index
 
 
 def _drift_words(estimate: FitEstimate, form: NormalEquations) -> str:
     """Text on the parameter whose linear drift explains most, and its change per
     run.
     """
+    gradient = form.gradient
     information = np.maximum(np.diag(form.curvature), 1e-300)
-    i = np.argmax(form.gradient**2 / information)
-    rate = -form.gradient[i] / information[i]
-    p = estimate.model.parameters[i]
+    i = np.argmax(gradient**2 / information)
+    rate = -gradient[i] / information[i]
     value = estimate.shared[i]
-    if value == 0.0:
-        return f"{p.name} changes by {rate:+.2g} {p.unit} a run"
-    return f"{p.name} changes by {100 * rate / value:+.2g} % a run"
+    p = estimate.model.parameters[i]
+    size = f"{100 * rate / value:+.2g} %" if value else f"{rate:+.2g} {p.unit}"
+    return f"{p.name} changes by {size} a run"
 
 
 def _places(run: FitRun) -> Iterator[Place]:
@@ -201,8 +198,7 @@ class Bin:
         return self.channel, self.phase, self.zone, self.condition
 
 
-@dataclass(frozen=True, slots=True)
-class ResidualTest:
+class ResidualTest(NamedTuple):
     """Test of a fit's residuals against those that noise and run-to-run variation would
     leave.
 
@@ -236,6 +232,11 @@ class ResidualTest:
         return {place: some for place, some in rows if len(some) >= FEWEST_SAMPLES}
 
     @property
+    def _residuals(self) -> Array:
+        """Residuals (N,) of the fit, divided by what is allowed."""
+        return self.estimate.stacked_residuals / self.allowed
+
+    @property
     def _places(self) -> Iterator[Place]:
         return (place for run in self.estimate.runs for place in _places(run))
 
@@ -244,12 +245,13 @@ class ResidualTest:
 
         Mean squares are standardised by those of the noise draws.
         """
-        clipped = robust.clip_residuals(self.estimate.stacked_residuals / self.allowed)
-        rows = _rows_by(
-            (channel, condition) for channel, _, _, condition in self._places
-        ).values()
-        observed = np.array([np.mean(clipped[i] ** 2) for i in rows])
-        drawn = np.array([np.mean(self.noise[i] ** 2, axis=0) for i in rows])
+        clipped = robust.clip_residuals(self._residuals)
+        places = ((channel, condition) for channel, *_, condition in self._places)
+        rows = _rows_by(places).values()
+        observed, drawn = (
+            np.array([np.mean(squares[i], axis=0) for i in rows])
+            for squares in (clipped**2, self.noise**2)
+        )
         largest_drawn = _standardise(drawn.T, drawn).max(axis=1)
         return _tail(largest_drawn, _standardise(observed, drawn).max())
 
@@ -262,7 +264,7 @@ class ResidualTest:
         residuals as they are, `p` of residuals clipped as in the fit, by the largest
         statistic of all bins in each draw (Westfall and Young 1993, single-step max-T).
         """
-        residuals = self.estimate.stacked_residuals / self.allowed
+        residuals = self._residuals
         bins = self.bins
         rows = list(bins.values())
         drawn = _sum_and_energy(self.noise, rows)
@@ -292,20 +294,22 @@ class ResidualTest:
         strongest bin under the response of any of the models tried, it and `others`,
         with either sign (Westfall and Young 1993).
         """
-        r = self.estimate.stacked_residuals
-        clipped = robust.clip_residuals(r / self.allowed)
+        residuals = self._residuals
+        allowed = self.allowed
         bins = self.bins
+        clipped = robust.clip_residuals(residuals)
         rows = list(bins.values())
         responses = [
-            (r - model.stacked_residuals) / self.allowed for model in (fitted, *others)
+            residuals - model.stacked_residuals / allowed for model in (fitted, *others)
         ]
         sums = [
             _match_sums(clipped, response, rows, self.noise) for response in responses
         ]
+        (observed, _), own = sums[0], responses[0]
         largest = np.max([np.abs(drawn).max(axis=0) for _, drawn in sums], axis=0)
         matched = []
-        for (place, samples), z in zip(bins.items(), sums[0][0], strict=True):
-            side = 1.0 if responses[0][samples].sum() >= 0.0 else -1.0
+        for (place, samples), z in zip(bins.items(), observed, strict=True):
+            side = 1.0 if own[samples].sum() >= 0.0 else -1.0
             matched.append(Bin(*place, side * float(z), _tail(largest, z)))
         return sorted(matched, key=lambda each: (each.p, -abs(each.z)))
 
@@ -318,11 +322,9 @@ def _draw_residuals(estimate: FitEstimate, rng: np.random.Generator) -> Array:
     bootstrap of the linearised model (Davison and Hinkley 1997, section 6.3).
     """
     linearised = projection(estimate, robustly=False)
-    noise = rng.standard_normal((len(linearised.residual), DRAWS))
-    if linearised.scatter.shape[1]:
-        noise += linearised.scatter @ rng.standard_normal(
-            (linearised.scatter.shape[1], DRAWS)
-        )
+    samples, sources = linearised.scatter.shape
+    noise = rng.standard_normal((samples, DRAWS))
+    noise += linearised.scatter @ rng.standard_normal((sources, DRAWS))
     return linearised.unabsorbed(noise)
 
 
@@ -337,9 +339,11 @@ def _sum_and_energy(residuals: Array, rows: Sequence[list[int]]) -> tuple[Array,
     """Sums (k, ...) over bins, and sqrt(2 sum of squares) (k, ...), of residuals (N,
     ...).
     """
-    sums = np.array([residuals[i].sum(axis=0) for i in rows])
-    roots = np.sqrt([2.0 * (residuals[i] ** 2).sum(axis=0) for i in rows])
-    return sums, roots
+    sums, squares = (
+        np.array([values[i].sum(axis=0) for i in rows])
+        for values in (residuals, residuals**2)
+    )
+    return sums, np.sqrt(2.0 * squares)
 
 
 def _match_sums(
@@ -388,10 +392,10 @@ def order_suspicion(estimate: FitEstimate, rng: np.random.Generator) -> str:
     if not can_be_ordered(runs):
         return ""
     parameters, values = _values_by_run(estimate)
-    order = _ranks(np.array([[run.index] for run in runs]))
+    order = _ranks(np.array([run.index for run in runs]))
     ranks = _ranks(values)
-    shuffled = np.array([rng.permutation(order[:, 0]) for _ in range(ORDERS)])
-    follow = order[:, 0] @ ranks
+    shuffled = np.array([rng.permutation(order) for _ in range(ORDERS)])
+    follow = order @ ranks
     k = np.argmax(np.abs(follow))
     others = np.arange(len(follow)) != k if len(follow) > 1 else [k]
     chance = np.abs(shuffled @ ranks[:, others]).max(axis=1)
@@ -410,18 +414,19 @@ def _values_by_run(estimate: FitEstimate) -> tuple[list[Parameter], Array]:
     """Parameters (k) that all runs share, or each draws anew, and their values (R, k)
     by a fit in which the others hardly count.
     """
-    runs, shared = estimate.runs, estimate.shared
+    runs = estimate.runs
+    scale = estimate.scale
     random = [p for p in runs[0].local if p.random]
     responses = [settled_response(estimate, i) for i in range(len(runs))]
-    others = OTHERS * sum(each.T @ each for each in responses) / len(runs)
+    squares = [response.T @ response for response in responses]
+    others = OTHERS * sum(squares) / len(runs)
     values = []
     for i, (run, response) in enumerate(zip(runs, responses, strict=True)):
-        r = robust.clip_residuals(estimate.residuals[i] / estimate.scale)
-        slope = estimate.scale * (response.T @ r)
-        step = -normal_equations.covariance(response.T @ response + others) @ slope
+        r = robust.clip_residuals(estimate.residuals[i] / scale)
+        step = normal_equations.covariance(squares[i] + others) @ (response.T @ r)
         names = [p.name for p in run.local]
         own = estimate.local[i][[names.index(p.name) for p in random]]
-        values.append(np.concatenate([shared + step, own]))
+        values.append(np.concatenate([estimate.shared - scale * step, own]))
     return [*estimate.model.parameters, *random], np.array(values)
 
 

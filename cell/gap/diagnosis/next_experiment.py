@@ -8,7 +8,7 @@ from scipy.linalg import block_diag
 
 from cell.gap.fitting import Task
 from cell.gap.fitting.gauss_newton import FitEstimate, linearise
-from cell.gap.fitting.model import Model, Point, evidence, requests
+from cell.gap.fitting.model import Model, Point, requests, stated
 from cell.gap.fitting.normal_equations import covariance
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Experiment
@@ -42,18 +42,18 @@ def advise(
     """
     if not experiments:
         return []
-    planned = evidence([e.run for e in experiments])
-    raw, jacobians = yield from linearise(
-        first.model, planned, Point(first.shared, planned.start())
-    )
+    planned = [e.run for e in experiments]
+    point = stated(planned, first.shared)
+    raw, jacobians = yield from linearise(first.model, planned, point)
     model, shared = second
-    other = yield requests(model, planned.runs, Point(shared, planned.start()))
+    other = yield requests(model, planned, Point(shared, point.local))
     information = _information(first)
     rated = []
-    rows = zip(experiments, other, raw, planned.scales, jacobians, strict=True)
-    for experiment, theirs, ours, scale, jacobian in rows:
-        difference = np.nan_to_num((theirs.mean - ours.mean) / scale)
-        own = np.diag([p.spread**-2 for p in experiment.run.local])
+    rows = zip(experiments, other, raw, jacobians, strict=True)
+    for experiment, theirs, ours, jacobian in rows:
+        run = experiment.run
+        difference = np.nan_to_num((theirs.mean - ours.mean) / run.samples.scale)
+        own = np.diag([p.spread**-2 for p in run.local])
         square = _unabsorbed_square(difference, jacobian, block_diag(information, own))
         sigma = np.sqrt(max(0.0, square) / likelihood.inefficiency) / likelihood.scale
         words = f"{experiment.name}: {experiment.instruction}"
@@ -77,4 +77,4 @@ def _unabsorbed_square(response: Array, jacobian: Array, prior: Array) -> float:
     """
     inverse = covariance(jacobian.T @ jacobian + prior)
     back = jacobian.T @ response
-    return float(response @ response) - float(back @ inverse @ back)
+    return float(response @ response - back @ inverse @ back)

@@ -1,15 +1,16 @@
 """Fits of the base parameters, and responses of runs to effects near a fit."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from cell.gap.fitting import Simulate, robust, run_one
 from cell.gap.fitting.gauss_newton import FitEstimate, linearise, refit, responses_to
-from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests, stated
+from cell.gap.fitting.model import Model, Point, requests, stated
 from cell.gap.fitting.normal_equations import NormalEquations, covariance
-from cell.gap.subject.subject import Candidate, Subject
+from cell.gap.subject.subject import Candidate, FitRun, Subject, starts
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
@@ -17,11 +18,10 @@ from drivers.strip.effects.effect import Parameter
 WEAK = 0.5
 
 
-def refit_base(simulate: Simulate, model: Model, evidence: Evidence) -> FitEstimate:
-    """Fit of the base parameters of `model`, from stated values, to the runs of
-    `evidence`.
-    """
-    return run_one(simulate, refit(model, evidence, stated(model, evidence)))
+def refit_base(simulate: Simulate, model: Model, runs: Sequence[FitRun]) -> FitEstimate:
+    """Fit of the base parameters of `model`, from stated values, to `runs`."""
+    start = stated(runs, starts(model.base))
+    return run_one(simulate, refit(model, runs, start))
 
 
 def undetermined_values(estimate: FitEstimate) -> list[tuple[Parameter, float]]:
@@ -42,28 +42,27 @@ def strains(estimate: FitEstimate) -> dict[str, float]:
 
 
 def refit_fine(
-    subject: Subject, simulate: Simulate, model: Model, coarse: Evidence, start: Point
+    subject: Subject,
+    simulate: Simulate,
+    model: Model,
+    coarse: Sequence[FitRun],
+    start: Point,
 ) -> FitEstimate:
     """Fit `model`, from `start`, to `coarse` runs corrected for coarse time steps and
     grids.
     """
-    return run_one(simulate, refit(model, refine(subject, model, start, coarse), start))
-
-
-def refine(subject: Subject, model: Model, point: Point, coarse: Evidence) -> Evidence:
-    """Runs corrected for the coarse simulation at `point`, with floors for remaining
-    errors.
-    """
-    return evidence(subject.refine(requests(model, coarse.runs, point)))
+    runs = subject.refine(requests(model, coarse, start))
+    return run_one(simulate, refit(model, runs, start))
 
 
 def stated_estimate(subject: Subject, simulate: Simulate) -> FitEstimate:
     """Estimate at the stated base values, not fitted, with residuals taken as zero."""
-    measured = evidence(subject.runs)
-    model = Model(subject.scope.base)
-    point = stated(model, measured)
-    raw, jacobians = run_one(simulate, linearise(model, measured, point))
-    fit = FitEstimate.at(model, measured, point, raw, jacobians)
+    runs = subject.runs
+    base = subject.scope.base
+    model = Model(base)
+    point = stated(runs, starts(base))
+    raw, jacobians = run_one(simulate, linearise(model, runs, point))
+    fit = FitEstimate.at(model, runs, point, raw, jacobians)
     return replace(fit, residuals=[*map(np.zeros_like, fit.residuals)], scale=1.0)
 
 
@@ -83,8 +82,7 @@ def effect_responses(
     return np.array([np.concatenate(by_run) for by_run in by_effect]).T
 
 
-@dataclass(frozen=True, slots=True)
-class Projection:
+class Projection(NamedTuple):
     """Linear map that removes from responses the part that a refit of all unknowns
     absorbs.
 
@@ -133,7 +131,8 @@ def projection(
     Whitened responses `nuisance` (N, k) may be there by unknown amounts of one standard
     deviation.
     """
-    unknowns, z = estimate.unknowns, estimate.z
+    unknowns = estimate.unknowns
+    z = estimate.z
     r = estimate.stacked_residuals
     scale = estimate.scale if robustly else 1.0
     weight = np.sqrt(robust.weights(r / scale)) / scale if robustly else np.ones_like(r)

@@ -9,7 +9,7 @@ unknowns.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -28,8 +28,7 @@ they do not determine a value: they hold a tenth of the information. Set by hand
 """
 
 
-@dataclass(frozen=True, slots=True)
-class NormalDensity:
+class NormalDensity(NamedTuple):
     """Multivariate normal density of k amounts: their `mean` (k,) and `precision` (k,
     k).
     """
@@ -45,20 +44,19 @@ class NormalDensity:
         approximation under the robust loss; the loss leaves out the constant of unit
         noise.
         """
-        mean: Array = self.mean
-        curvature = self.precision
+        before, precision = self
+        mean = before
+        curvature = precision
         for _ in range(REWEIGHTED):
-            weighed = responses * robust.weights(r + responses @ mean)[:, None]
-            curvature = weighed.T @ responses + self.precision
-            pull = weighed.T @ r - self.precision @ self.mean
-            mean = np.asarray(-np.linalg.solve(curvature, pull))
-        moved = mean - self.mean
+            weighed = responses.T * robust.weights(r + responses @ mean)
+            curvature = weighed @ responses + precision
+            pull = precision @ before - weighed @ r
+            mean = np.asarray(np.linalg.solve(curvature, pull))
+        moved = mean - before
         loss = robust.bounded_loss(r + responses @ mean).sum()
-        loss += 0.5 * (moved @ self.precision @ moved)
-        loss += 0.5 * (
-            np.linalg.slogdet(curvature)[1] - np.linalg.slogdet(self.precision)[1]
-        )
-        return type(self)(mean, curvature), loss
+        loss += 0.5 * (moved @ precision @ moved)
+        now, then = (np.linalg.slogdet(each)[1] for each in (curvature, precision))
+        return type(self)(mean, curvature), loss + 0.5 * (now - then)
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,15 +157,14 @@ def _predict_fold(estimate: FitEstimate, fold: Sequence[int]) -> Task[list[Predi
     """
     keep = [i for i in range(len(estimate.runs)) if i not in fold] or list(fold)
     shared, undetermined = on_runs(estimate, keep)
-    unseen = estimate.on(fold).evidence
-    moved, local = shared - estimate.shared, estimate.local
+    unseen = estimate.on(fold).runs
+    moved = shared - estimate.shared
+    local = estimate.local
     own = Point(
         np.zeros(0), [local[i] + _own_response(estimate, i) @ moved for i in fold]
     )
-    raw = yield requests(estimate.model.holding(shared), unseen.runs, own)
-    penalty = np.array(
-        [_random_loss(r, v) for r, v in zip(unseen.runs, own.local, strict=True)]
-    )
+    raw = yield requests(estimate.model.holding(shared), unseen, own)
+    penalty = np.array([*map(_random_loss, unseen, own.local)])
     penalty[0] += undetermined.sum()
     deviations = _deviations(estimate.on(keep), shared, undetermined)
     uncertain = [settled_response(estimate, i) @ deviations for i in fold]
@@ -214,12 +211,14 @@ def _newton_step(estimate: FitEstimate, held: Mask) -> Array:
     """Shared values (P,) after a bounded Newton step of `estimate`, those of mask
     `held` fixed.
     """
-    unknowns, z = estimate.unknowns, estimate.z
-    fixed = np.concatenate([held, np.zeros(len(z) - len(held), dtype=bool)])
+    unknowns = estimate.unknowns
+    z = estimate.z
+    count = len(held)
+    fixed = np.pad(held, (0, len(z) - count))
     low, high = (
         np.where(fixed, 0.0, bound - z) for bound in (unknowns.low, unknowns.high)
     )
-    return (z + estimate.normal().bounded_step(low, high))[: len(held)]
+    return (z + estimate.normal().bounded_step(low, high))[:count]
 
 
 def _deviations(kept: FitEstimate, shared: Array, undetermined: Mask) -> Array:
@@ -229,15 +228,15 @@ def _deviations(kept: FitEstimate, shared: Array, undetermined: Mask) -> Array:
     Values that are `undetermined` (P,), or of `shared` (P,) those on a bound, are taken
     as known.
     """
-    low, high = (
-        bound[: len(shared)] for bound in (kept.unknowns.low, kept.unknowns.high)
-    )
+    unknowns = kept.unknowns
+    size = len(shared)
+    low, high = (bound[:size] for bound in (unknowns.low, unknowns.high))
     free = (shared > low) & (shared < high) & ~undetermined
-    every = np.concatenate([free, np.ones(len(kept.z) - len(free), dtype=bool)])
+    every = np.pad(free, (0, len(kept.z) - size), constant_values=True)
     curvature = kept.normal().curvature[np.ix_(every, every)]
     count = free.sum()
     of_shared = covariance(curvature)[:count, :count]
-    deviations = np.zeros((len(shared), count))
+    deviations = np.zeros((size, count))
     variances, axes = np.linalg.eigh(of_shared)
     deviations[free] = axes * np.sqrt(np.maximum(variances, 0.0))
     return deviations
@@ -246,20 +245,19 @@ def _deviations(kept: FitEstimate, shared: Array, undetermined: Mask) -> Array:
 def _own_response(estimate: FitEstimate, i: int) -> Array:
     """Derivative (k, P) of run `i`'s own refitted unknowns by the shared values."""
     count = len(estimate.shared)
+    scale = estimate.scale
     jacobian = estimate.jacobians[i]
-    own = jacobian[:, count:]
-    weighed = own * robust.weights(estimate.residuals[i] / estimate.scale)[:, None]
+    shared, own = np.split(jacobian, [count], axis=1)
+    weighed = own.T * (robust.weights(estimate.residuals[i] / scale) / scale**2)
     spread = np.array([p.spread for p in estimate.runs[i].local])
     least = np.finfo(float).tiny  # of a run that diverges where its own unknowns change
-    curvature = weighed.T @ own / estimate.scale**2 + np.diag(spread**-2 + least)
-    slope = weighed.T @ jacobian[:, :count] / estimate.scale**2
-    return np.asarray(-np.linalg.solve(curvature, slope))
+    curvature = weighed @ own + np.diag(spread**-2 + least)
+    return np.asarray(np.linalg.solve(curvature, -weighed @ shared))
 
 
 def settled_response(estimate: FitEstimate, i: int) -> Array:
     """Derivative (n, P) of run `i`'s residuals by shared values, its own unknowns
     refitted.
     """
-    jacobian = estimate.jacobians[i]
-    count = len(estimate.shared)
-    return jacobian[:, :count] + jacobian[:, count:] @ _own_response(estimate, i)
+    shared, own = np.split(estimate.jacobians[i], [len(estimate.shared)], axis=1)
+    return shared + own @ _own_response(estimate, i)

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from cell.gap.fitting import Task, robust, side_by_side
 from cell.gap.fitting.model import (
-    Evidence,
     Model,
     Point,
     request,
@@ -43,28 +42,25 @@ T = TypeVar("T")
 FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
 
 
-def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
+def linearise(model: Model, runs: Sequence[FitRun], point: Point) -> Task[Linearised]:
     """Residuals and whitened Jacobian (n, shared + local) of each run; yields
     requests.
     """
-    runs = zip(evidence.runs, evidence.scales, point.local, strict=True)
-    tasks = [
-        _linearise_run(model, run, scale, point.shared, local)
-        for run, scale, local in runs
-    ]
+    pairs = zip(runs, point.local, strict=True)
+    shared = point.shared
+    tasks = [_linearise_run(model, run, shared, local) for run, local in pairs]
     by_run = yield from side_by_side(tasks)
     return [raw for raw, _ in by_run], [jacobian for _, jacobian in by_run]
 
 
 def _linearise_run(
-    model: Model, run: FitRun, scale: Array, shared: Array, local: Array
+    model: Model, run: FitRun, shared: Array, local: Array
 ) -> Task[tuple[Residuals, Array]]:
-    """Residuals and Jacobian (n, shared + local) of a run, over `scale` (n,); yields
-    requests.
-    """
+    """Residuals and whitened Jacobian (n, shared + local) of a run; yields requests."""
     batch, steps = _secant_requests(model, run, shared, local)
     answers = yield batch
     at_point, *stepped = answers[1:] if run.replicate else answers
+    scale = run.samples.scale
     return answers[0], _secant_jacobian(at_point, stepped, scale, steps)
 
 
@@ -93,33 +89,22 @@ def _secant_requests(
     For a replicate the first, at the values, comes once more as a response to compare
     with.
     """
-    at_point = request(model, run, shared, local)
-    steps = []
-    points = [(shared, local)]
-    for i, p in enumerate(model.parameters):
-        step = _step_within_bounds(p, shared[i])
-        points.append((_step_one(shared, i, step), local))
-        steps.append(step)
-    for i, p in enumerate(run.local):
-        step = _step_within_bounds(p, local[i])
-        points.append((shared, _step_one(local, i, step)))
-        steps.append(step)
+    unknowns = zip((*model.parameters, *run.local), (*shared, *local), strict=True)
+    steps = np.array([_step_within_bounds(p, value) for p, value in unknowns])
+    point = np.concatenate([shared, local])
     batch = [
-        replace(request(model, run, *point), response=run.replicate) for point in points
+        request(model, run, *np.split(z, [len(shared)]))
+        for z in (point, *(point + np.diag(steps)))
     ]
-    return ([at_point, *batch] if run.replicate else batch), np.array(steps)
+    if not run.replicate:
+        return batch, steps
+    responses = [replace(each, response=True) for each in batch]
+    return [batch[0], *responses], steps
 
 
 def _step_within_bounds(p: Parameter, value: float) -> float:
     """Finite-difference step of `p` at `value`, reversed where a bound forbids it."""
     return p.step if p.low <= value + p.step <= p.high else -p.step
-
-
-def _step_one(values: Array, i: int, h: float) -> Array:
-    """Copy of `values` (k,) with `h` added to element `i`."""
-    moved = values.copy()
-    moved[i] += h
-    return moved
 
 
 MOST_STEPS = 20  # of a fit
@@ -140,7 +125,7 @@ class FitEstimate:
     """
 
     model: Model
-    evidence: Evidence
+    runs: Sequence[FitRun]
     point: Point
     residuals: Sequence[Array]
     raw: Sequence[Residuals]
@@ -151,7 +136,7 @@ class FitEstimate:
     def at(
         cls,
         model: Model,
-        evidence: Evidence,
+        runs: Sequence[FitRun],
         point: Point,
         raw: Sequence[Residuals],
         jacobians: Sequence[Array],
@@ -159,16 +144,9 @@ class FitEstimate:
         """Estimate at `point`: simulated residuals `raw`, whitened `jacobians` (n,
         size) by run.
         """
-        r = residuals(raw, evidence)
-        return cls(
-            model=model,
-            evidence=evidence,
-            point=point,
-            residuals=r,
-            raw=raw,
-            jacobians=jacobians,
-            scale=robust.scale(np.concatenate(r)),
-        )
+        r = residuals(raw, runs)
+        scale = robust.scale(np.concatenate(r))
+        return cls(model, runs, point, r, raw, jacobians, scale)
 
     @property
     def shared(self) -> Array:
@@ -181,11 +159,6 @@ class FitEstimate:
     def local(self) -> Sequence[Array]:
         """Values (k,) of the unknowns of each run."""
         return self.point.local
-
-    @property
-    def runs(self) -> Sequence[FitRun]:
-        """Runs that the model is fitted to."""
-        return self.evidence.runs
 
     @property
     def effects(self) -> tuple[Candidate, ...]:
@@ -213,7 +186,7 @@ class FitEstimate:
     @property
     def unknowns(self) -> Unknowns:
         """Parameters of all unknowns in one vector, with their bounds and priors."""
-        return Unknowns.of(self.model, self.evidence)
+        return Unknowns.of(self.model, self.runs)
 
     @property
     def z(self) -> Array:
@@ -271,19 +244,18 @@ class FitEstimate:
         """Robustly weighted normal equations of data and priors at the estimate's
         dispersion.
         """
-        unknowns, z, s = self.unknowns, self.z, self.scale
-        gradient, curvature = np.zeros(len(z)), np.zeros((len(z), len(z)))
-        for i, (r, jacobian) in enumerate(
-            zip(self.residuals, self.jacobians, strict=True)
-        ):
-            weighted = jacobian * (robust.weights(r / s) / s**2)[:, None]
-            columns = unknowns.columns(i)
-            gradient[columns] += weighted.T @ r
-            curvature[np.ix_(columns, columns)] += weighted.T @ jacobian
+        unknowns = self.unknowns
+        s = self.scale
         prior = unknowns.precision
-        return NormalEquations(
-            gradient + prior * (z - unknowns.mean), curvature + np.diag(prior)
-        )
+        gradient = prior * (self.z - unknowns.mean)
+        curvature = np.diag(prior)
+        runs = zip(self.residuals, self.jacobians, strict=True)
+        for i, (r, jacobian) in enumerate(runs):
+            weighted = jacobian.T * (robust.weights(r / s) / s**2)
+            columns = unknowns.columns(i)
+            gradient[columns] += weighted @ r
+            curvature[np.ix_(columns, columns)] += weighted @ jacobian
+        return NormalEquations(gradient, curvature)
 
     def on(self, indices: Sequence[int]) -> Self:
         """Copy of the estimate restricted to the runs with the numbers `indices`."""
@@ -293,7 +265,7 @@ class FitEstimate:
 
         return replace(
             self,
-            evidence=Evidence(pick(self.runs), pick(self.evidence.scales)),
+            runs=pick(self.runs),
             point=Point(self.shared, pick(self.local)),
             residuals=pick(self.residuals),
             raw=pick(self.raw),
@@ -310,7 +282,8 @@ def responses_to(
     Each model comes with its shared values (P,); the unknowns of the runs are those of
     the fit `at`. A task that yields requests.
     """
-    runs, scales = at.runs, at.evidence.scales
+    runs = at.runs
+    scales = [run.samples.scale for run in runs]
     answers = yield [
         replace(request(model, run, shared, unknowns), response=True)
         for model, shared in models
@@ -328,22 +301,22 @@ def best(estimates: Sequence[FitEstimate]) -> FitEstimate:
 
 def refit(
     model: Model,
-    evidence: Evidence,
+    runs: Sequence[FitRun],
     start: Point,
     jacobians: Sequence[Array] | None = None,
     enough: float = FINAL_GAIN,
     steps: int = MOST_STEPS,
 ) -> Task[FitEstimate]:
-    """Fit `model` to the runs of `evidence`, from the values `start`; yields requests.
+    """Fit `model` to `runs`, from the values `start`; yields requests.
 
     `jacobians` (n, shared + local) by run of a fit nearby spare the first secants; the
     fit ends when a further step promises less than `enough` nats, or gains less with a
     new Jacobian, or after so many `steps`.
     """
-    unknowns = Unknowns.of(model, evidence)
+    unknowns = Unknowns.of(model, runs)
     point = unknowns.point(np.concatenate([start.shared, *start.local]))
     use: JacobianUse = "new" if jacobians is None else "kept"
-    fit = yield from _estimate_at(model, evidence, point, jacobians)
+    fit = yield from _estimate_at(model, runs, point, jacobians)
     for _ in range(steps):
         equations = fit.normal()
         step = equations.bounded_step(unknowns.low - fit.z, unknowns.high - fit.z)
@@ -362,13 +335,13 @@ def refit(
         if ended:
             break
         if use == "new":
-            fit = yield from _estimate_at(model, evidence, fit.point)
+            fit = yield from _estimate_at(model, runs, fit.point)
     return fit
 
 
 def _estimate_at(
     model: Model,
-    evidence: Evidence,
+    runs: Sequence[FitRun],
     point: Point,
     jacobians: Sequence[Array] | None = None,
 ) -> Task[FitEstimate]:
@@ -376,10 +349,10 @@ def _estimate_at(
     requests.
     """
     if jacobians is None:
-        raw, jacobians = yield from linearise(model, evidence, point)
+        raw, jacobians = yield from linearise(model, runs, point)
     else:
-        raw = yield requests(model, evidence.runs, point)
-    return FitEstimate.at(model, evidence, point, raw, jacobians)
+        raw = yield requests(model, runs, point)
+    return FitEstimate.at(model, runs, point, raw, jacobians)
 
 
 def _next_use(fraction: float, use: JacobianUse) -> JacobianUse:
@@ -395,9 +368,9 @@ def _next_use(fraction: float, use: JacobianUse) -> JacobianUse:
     return "mended" if use != "mended" and low < fraction < high else "new"
 
 
-def residuals(raw: Sequence[Residuals], evidence: Evidence) -> Sequence[Array]:
-    """Residuals (n,) of each run, whitened by the scales of `evidence`."""
-    return [whiten(a, s) for a, s in zip(raw, evidence.scales, strict=True)]
+def residuals(raw: Sequence[Residuals], runs: Sequence[FitRun]) -> Sequence[Array]:
+    """Residuals (n,) of each of `runs`, whitened by the scales of its samples."""
+    return [whiten(r, run.samples.scale) for r, run in zip(raw, runs, strict=True)]
 
 
 def _line_search(fit: FitEstimate, curvature: Array, step: Array) -> Task[FitEstimate]:
@@ -447,12 +420,12 @@ def _broyden_update(
     change = trial.z - fit.z
     units = np.diag(curvature)
     updated = []
-    rows = zip(fit.raw, trial.raw, fit.evidence.scales, fit.jacobians, strict=True)
-    for i, (a, b, scale, jacobian) in enumerate(rows):
+    rows = zip(fit.raw, trial.raw, fit.runs, fit.jacobians, strict=True)
+    for i, (a, b, run, jacobian) in enumerate(rows):
         columns = unknowns.columns(i)
         step = change[columns]
         along = units[columns] * step
-        beyond = np.nan_to_num((b.mean - a.mean) / scale - jacobian @ step)
+        beyond = np.nan_to_num((b.mean - a.mean) / run.samples.scale - jacobian @ step)
         length = max(float(along @ step), np.finfo(float).tiny)
         updated.append(jacobian + np.outer(beyond, along) / length)
     return updated
@@ -466,10 +439,7 @@ def _evaluate(fit: FitEstimate, points: Sequence[Array]) -> Task[list[FitEstimat
     inside = [*map(fit.unknowns.point, points)]
     answers = yield [q for p in inside for q in requests(fit.model, runs, p)]
     pairs = zip(inside, _portions(answers, len(runs)), strict=True)
-    return [
-        FitEstimate.at(fit.model, fit.evidence, p, raw, fit.jacobians)
-        for p, raw in pairs
-    ]
+    return [FitEstimate.at(fit.model, runs, p, raw, fit.jacobians) for p, raw in pairs]
 
 
 def _portions(answers: Sequence[T], size: int) -> list[Sequence[T]]:

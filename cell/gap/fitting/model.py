@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -63,12 +64,10 @@ class Model:
         its name.
         """
         shared = shared if self.held is None else np.array(self.held)
-        effects = {}
-        first = len(self.base)
-        for effect in self.effects:
-            effects[effect.name] = shared[first : first + len(effect.parameters)]
-            first += len(effect.parameters)
-        return shared[: len(self.base)], effects
+        sizes = [len(self.base), *(len(e.parameters) for e in self.effects)]
+        base, *parts = np.split(shared, np.cumsum(sizes)[:-1])
+        names = (e.name for e in self.effects)
+        return base, dict(zip(names, parts, strict=True))
 
     def join(self, base: Array, effects: dict[str, Array]) -> Array:
         """Shared values (P,) from those of base and `effects` by name, missing ones at
@@ -78,8 +77,7 @@ class Model:
         return np.concatenate([base, *parts])
 
 
-@dataclass(frozen=True, slots=True)
-class Point:
+class Point(NamedTuple):
     """Values of all unknowns of a fit: `shared` (P,) parameters, and `local` ones (k,)
     by run.
     """
@@ -88,31 +86,9 @@ class Point:
     local: Sequence[Array]
 
 
-@dataclass(frozen=True, slots=True)
-class Evidence:
-    """Runs that a model is fitted to, with the standard deviations (n,) of each run's
-    samples.
-    """
-
-    runs: Sequence[FitRun]
-    scales: Sequence[Array]
-
-    def start(self) -> Sequence[Array]:
-        """Start values (k,) of the unknowns of each run."""
-        return [starts(run.local) for run in self.runs]
-
-
-def evidence(runs: Sequence[FitRun]) -> Evidence:
-    """Evidence of `runs`, whose scales are sample noise and model-error floor in
-    quadrature.
-    """
-    scales = [np.hypot(run.samples.noise, run.samples.floor) for run in runs]
-    return Evidence(runs, scales)
-
-
-def stated(model: Model, evidence: Evidence) -> Point:
-    """Start values of a fit of `model` to the runs of `evidence`."""
-    return Point(starts(model.parameters), evidence.start())
+def stated(runs: Sequence[FitRun], shared: Array) -> Point:
+    """Values `shared` (P,), with start values of the unknowns of each of `runs`."""
+    return Point(shared, [starts(run.local) for run in runs])
 
 
 def request(

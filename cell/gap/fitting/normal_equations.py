@@ -3,14 +3,14 @@ bounds.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_solve
 
-from cell.gap.fitting.model import Evidence, Model, Point
-from cell.gap.subject.subject import starts
+from cell.gap.fitting.model import Model, Point
+from cell.gap.subject.subject import FitRun, starts
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
@@ -19,8 +19,7 @@ Mask = NDArray[np.bool_]
 RIDGE = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class Unknowns:
+class Unknowns(NamedTuple):
     """Unknowns of a fit in one vector (size,): P shared ones, then those of each run.
 
     `shared` is P, `local` the number of unknowns of each run; by unknown (size,): its
@@ -36,13 +35,14 @@ class Unknowns:
     precision: Array
 
     @classmethod
-    def of(cls, model: Model, evidence: Evidence) -> Self:
-        """Unknowns of a fit of `model` to the runs of `evidence`."""
-        every = (*model.parameters, *(p for run in evidence.runs for p in run.local))
+    def of(cls, model: Model, runs: Sequence[FitRun]) -> Self:
+        """Unknowns of a fit of `model` to `runs`."""
+        shared = model.parameters
+        every = (*shared, *(p for run in runs for p in run.local))
         return cls(
             parameters=every,
-            shared=len(model.parameters),
-            local=[len(run.local) for run in evidence.runs],
+            shared=len(shared),
+            local=[len(run.local) for run in runs],
             low=np.array([p.low for p in every]),
             high=np.array([p.high for p in every]),
             mean=starts(every),
@@ -67,8 +67,7 @@ class Unknowns:
         return Point(shared, local)
 
 
-@dataclass(frozen=True, slots=True)
-class NormalEquations:
+class NormalEquations(NamedTuple):
     """Quadratic model of an objective [nats]: its `gradient` (n,) and `curvature` (n,
     n).
     """
@@ -90,51 +89,51 @@ class NormalEquations:
         system; they come back while the gradient there pulls them inside (Lawson and
         Hanson 1974, chapter 23).
         """
+        gradient = self.gradient
         diagonal = np.diag(self.curvature)
-        ridge = np.diag(RIDGE * diagonal + 1e-300)
-        ridged = NormalEquations(self.gradient, self.curvature + ridge)
-        step = best = np.zeros_like(self.gradient)
-        free = (diagonal > 0.0) & ~_pushed_out(self.gradient, step, low, high)
+        ridged = self.curvature + np.diag(RIDGE * diagonal + 1e-300)
+        step = best = np.zeros_like(gradient)
+        felt = diagonal > 0.0
+        free = felt & ~_pushed_out(gradient, step, low, high)
         least = 0.0
         for _ in range(len(step) + 3):
-            step, free = ridged._minimise_free(step, free, low, high)
-            slope = self.gradient + ridged.curvature @ step
-            value = 0.5 * float(step @ (self.gradient + slope))
+            step, free = _minimise_free(gradient, ridged, step, free, low, high)
+            slope = gradient + ridged @ step
+            value = 0.5 * float(step @ (gradient + slope))
             if value < least:
-                best, least = step, value
-            back = (
-                ~free
-                & (diagonal > 0.0)
-                & (low < high)
-                & ~_pushed_out(slope, step, low, high)
-            )
+                best = step
+                least = value
+            inside = (low < high) & ~_pushed_out(slope, step, low, high)
+            back = felt & inside & ~free
             if not back.any():
                 break
             pull = np.where(back, np.abs(slope) / np.sqrt(diagonal + 1e-300), -1.0)
             free[np.argmax(pull)] = True
         return best
 
-    def _minimise_free(
-        self, step: Array, free: Mask, low: Array, high: Array
-    ) -> tuple[Array, Mask]:
-        """Step (n,) to the minimum over `free` (n,) unknowns, and a mask (n,) of those
-        still free.
 
-        Unknowns that leave their bounds `low` (n,) and `high` (n,) are held on them;
-        the others stay at `step` (n,).
-        """
-        step, free = step.copy(), free.copy()
-        while free.any():
-            right = (
-                self.gradient[free] + self.curvature[np.ix_(free, ~free)] @ step[~free]
-            )
-            step[free] = -_solve(self.curvature[np.ix_(free, free)], right)
-            over = free & ((step < low) | (step > high))
-            if not over.any():
-                break
-            step[over] = np.clip(step, low, high)[over]
-            free &= ~over
-        return step, free
+def _minimise_free(
+    gradient: Array, curvature: Array, step: Array, free: Mask, low: Array, high: Array
+) -> tuple[Array, Mask]:
+    """Step (n,) to the minimum over `free` (n,) unknowns, and a mask (n,) of those
+    still free.
+
+    Unknowns that leave their bounds `low` (n,) and `high` (n,) are held on them; the
+    others stay at `step` (n,).
+    """
+    step = step.copy()
+    free = free.copy()
+    while free.any():
+        held = ~free
+        right = gradient[free] + curvature[np.ix_(free, held)] @ step[held]
+        step[free] = -_solve(curvature[np.ix_(free, free)], right)
+        inside = np.clip(step, low, high)
+        over = free & (step != inside)
+        if not over.any():
+            break
+        step[over] = inside[over]
+        free &= ~over
+    return step, free
 
 
 def _pushed_out(slope: Array, step: Array, low: Array, high: Array) -> Mask:
@@ -146,17 +145,36 @@ def _solve(matrix: Array, right: Array) -> Array:
     """Solution (n,) of a symmetric positive definite system, scaled to a unit diagonal
     first.
     """
-    d = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix * d[:, None] * d[None] + 1e-12 * np.eye(len(d))
-    return d * np.linalg.solve(scaled, d * right)
+    unit, scaled = _scaled(matrix)
+    ridge = 1e-12 * np.eye(len(unit))
+    return unit * np.linalg.solve(scaled + ridge, unit * right)
 
 
 def covariance(curvature: Array) -> Array:
     """Inverse (size, size) of a `curvature` matrix, large but finite where that is
     singular.
     """
-    d = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-280))
-    values, vectors = np.linalg.eigh(curvature * d[:, None] * d[None])
+    unit, scaled = _scaled(curvature)
+    values, vectors = np.linalg.eigh(scaled)
     inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
-    covariance: Array = inverse * d[:, None] * d[None]
+    covariance: Array = inverse * unit[:, None] * unit
     return covariance
+
+
+def inverse_and_logdet(curvature: Array) -> tuple[Array, float]:
+    """Inverse (size, size) of a positive definite `curvature`, and half the log
+    determinant of `curvature`.
+    """
+    unit, scaled = _scaled(curvature)
+    identity = np.eye(len(unit))
+    lower = np.linalg.cholesky(scaled + 1e-10 * identity)
+    inverse = cho_solve((lower, True), identity) * unit[:, None] * unit
+    return inverse, np.log(np.diag(lower) / unit).sum()
+
+
+def _scaled(matrix: Array) -> tuple[Array, Array]:
+    """Factors (size,) on rows and columns that give a `matrix` a unit diagonal, and the
+    matrix (size, size) by these.
+    """
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-280))
+    return unit, matrix * unit[:, None] * unit

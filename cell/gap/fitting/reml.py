@@ -19,17 +19,17 @@ spread, as measured beforehand, is carried through the fit to the values (a cons
 parameter: Schmidt 1966, Application of state-space methods to navigation problems).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy import optimize
-from scipy.linalg import cho_solve
 
 from cell.gap.fitting import Simulate, normal_equations, robust, run_one
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, FitEstimate, refit
-from cell.gap.fitting.model import Evidence, Point
+from cell.gap.fitting.model import Point
+from cell.gap.subject.subject import FitRun
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
@@ -85,7 +85,8 @@ def reml_spreads(estimate: FitEstimate) -> tuple[Spread, ...]:
         return ()
     likelihood = Likelihood.of(estimate, varying)
     parameters = list(varying.values())
-    fit = SpreadFit.of(likelihood, [k for k, p in enumerate(parameters) if p.common])
+    common = [k for k, p in enumerate(parameters) if p.common]
+    fit = SpreadFit.of(likelihood, common, np.full(len(common), FIRST))
     fit = _add_uncommon(fit, len(varying))
     chosen = [parameters[k] for k in fit.active]
     shares = np.array(
@@ -102,12 +103,10 @@ def _spread(p: Parameter, fraction: float, error: float) -> Spread:
     """
     value = fraction * p.spread
     factor = np.exp(CENTRAL_95 * error)
-    low = value * np.exp(-CENTRAL_95 * error)
-    return Spread(p.name, p.unit, value, low, value * factor)
+    return Spread(p.name, p.unit, value, value / factor, value * factor)
 
 
-@dataclass(frozen=True, slots=True)
-class Likelihood:
+class Likelihood(NamedTuple):
     """Restricted likelihood of the run-to-run spreads of q random quantities.
 
     `curvature` (u, u) and minus the gradient, `descent` (u,), of the u random unknowns
@@ -157,42 +156,33 @@ class Likelihood:
         `shares` are the spreads of the quantities `active` over the usual ones, the
         gradient is in their logarithms; the other quantities do not scatter.
         """
-        position = np.full(len(self.usual), -1)
-        position[list(active)] = np.arange(len(active))
-        owner = position[self.owner]
-        scattering = np.flatnonzero(owner >= 0)
-        owner = owner[scattering]
-        precision = shares[owner] ** -2
+        scattering, owner = np.nonzero(np.equal.outer(self.owner, active))
+        own = shares[owner]
+        precision = own**-2
         posterior = self.curvature[np.ix_(scattering, scattering)] + np.diag(precision)
-        unit = 1.0 / np.sqrt(np.diag(posterior))  # scales the diagonal to one
-        lower = np.linalg.cholesky(
-            posterior * unit[:, None] * unit + 1e-10 * np.eye(len(unit))
-        )
-        inverse = cho_solve((lower, True), np.eye(len(unit)))
+        covariance, half_logdet = normal_equations.inverse_and_logdet(posterior)
         descent = self.descent[scattering]
-        scaled = inverse @ (unit * descent)
-        # of u, given the shares
-        mean, variance = unit * scaled, unit**2 * np.diag(inverse)
-        half_logdet = np.log(np.diag(lower) / unit * shares[owner]).sum()
-        loss = half_logdet - 0.5 * (descent @ mean) + 0.5 * (shares @ shares)
+        mean = covariance @ descent  # of u, given the shares
+        loss = half_logdet + np.log(own).sum()
+        loss += 0.5 * (shares @ shares - descent @ mean)
         # d / d log s of the module's equation
-        slope = 1.0 - precision * (variance + mean**2)
+        slope = 1.0 - precision * (np.diag(covariance) + mean**2)
         return loss, np.bincount(owner, slope, len(active)) + shares**2
 
     def errors(self, active: Sequence[int], shares: Array) -> Array:
         """Standard errors (k,) of the logarithms of `shares` (k,), by the curvature of
         the loss.
         """
+
+        def at(logs: Array) -> float:
+            return self.loss(np.exp(logs), active)[0]
+
         logs = np.log(shares)
-        curvature = np.zeros(len(shares))
-        middle, *_ = self.loss(shares, active)
-        for i in range(len(shares)):
-            step = LOG_STEP * np.eye(len(shares))[i]
-            low, *_ = self.loss(np.exp(logs - step), active)
-            high, *_ = self.loss(np.exp(logs + step), active)
-            second = (low + high - 2.0 * middle) / LOG_STEP**2
-            curvature[i] = max(second, LEAST_CURVATURE)
-        return 1.0 / np.sqrt(curvature)
+        steps = LOG_STEP * np.eye(len(logs))
+        middle = at(logs)
+        second = [at(logs + h) + at(logs - h) - 2.0 * middle for h in steps]
+        curvature = np.array(second) / LOG_STEP**2
+        return 1.0 / np.sqrt(np.maximum(curvature, LEAST_CURVATURE))
 
 
 def _equations(
@@ -218,20 +208,18 @@ def _equations(
     without_scatter = r - columns @ np.where(owner >= 0, z, 0.0)
     prior_pull = prior * (z - estimate.unknowns.mean)
 
-    owners = range(len(usual_spreads))
-    common = np.stack([columns[:, owner == k].sum(axis=1) for k in owners], axis=1)
     common_prior = (SHARED * usual_spreads) ** -2
+    common = columns @ np.equal.outer(owner, np.arange(len(common_prior)))
 
     weighted = np.concatenate([columns, common], axis=1) * weight[:, None]
     curvature = weighted.T @ weighted + np.diag(np.concatenate([prior, common_prior]))
     # keeps it positive definite
     curvature += np.diag(1e-9 * np.diag(curvature) + 1e-12)
-    prior_pull = np.concatenate([prior_pull, np.zeros(len(common_prior))])
+    prior_pull = np.pad(prior_pull, (0, len(common_prior)))
     return curvature, -(weighted.T @ (without_scatter * weight) + prior_pull)
 
 
-@dataclass(frozen=True, slots=True)
-class SpreadFit:
+class SpreadFit(NamedTuple):
     """Most likely spreads of the quantities `active`, as `shares` (k,) of their prior
     spreads.
     """
@@ -242,25 +230,18 @@ class SpreadFit:
     loss: float
 
     @classmethod
-    def of(
-        cls, likelihood: Likelihood, active: Sequence[int], start: Iterable[float] = ()
-    ) -> Self:
+    def of(cls, likelihood: Likelihood, active: Sequence[int], start: Array) -> Self:
         """Fit shares (k,) of the prior spreads of quantities `active`, from `start`
-        (j,).
+        (k,).
         """
-        if not len(active):
-            return cls(likelihood, (), np.zeros(0), likelihood.loss(np.zeros(0), [])[0])
-        start_shares = list(start)
-        start_logs = np.log(
-            [*start_shares, *[FIRST] * (len(active) - len(start_shares))]
-        )
-        limits = [(np.log(SMALLEST), np.log(LARGEST))] * len(active)
+        if not active:
+            return cls(likelihood, active, start, likelihood.loss(start, active)[0])
         optimum = optimize.minimize(
             lambda x: likelihood.loss(np.exp(x), active),
-            start_logs,
+            np.log(start),
             jac=True,
             method="L-BFGS-B",
-            bounds=limits,
+            bounds=optimize.Bounds(*np.log([SMALLEST, LARGEST])),
         )
         return cls(likelihood, active, np.exp(optimum.x), optimum.fun)
 
@@ -300,11 +281,10 @@ def _add_uncommon(fit: SpreadFit, count: int) -> SpreadFit:
     """Add quantities to `fit`, of `count` in all, whose scatter raises the
     likelihood.
     """
-    while len(fit.active) < count:
-        absent = [k for k in range(count) if k not in fit.active]
-        trials = [
-            SpreadFit.of(fit.likelihood, [*fit.active, k], fit.shares) for k in absent
-        ]
+    while len(active := fit.active) < count:
+        absent = [k for k in range(count) if k not in active]
+        start = np.append(fit.shares, FIRST)
+        trials = [SpreadFit.of(fit.likelihood, [*active, k], start) for k in absent]
         lowest = min(trial.loss for trial in trials)
         best = next(trial for trial in trials if trial.loss < lowest + TIE)
         if fit.loss - best.loss < LEAST_GAIN:
@@ -322,42 +302,41 @@ def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> boo
     )
 
 
-def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
-    """Copy of `evidence` with `spreads` as priors of random unknowns; others are
+def with_spreads(runs: Sequence[FitRun], spreads: Sequence[Spread]) -> list[FitRun]:
+    """Copies of `runs` with `spreads` as priors of random unknowns; others are
     removed.
     """
-    spread_of = {s.name: s.value for s in spreads}
-    runs = []
-    for run in evidence.runs:
-        parameters = [
-            replace(p, spread=spread_of[p.name]) if p.random else p
-            for p in run.local
-            if not p.random or p.name in spread_of
-        ]
-        runs.append(replace(run, local=parameters))
-    return Evidence(runs, evidence.scales)
+    by_name = {s.name: s.value for s in spreads}
+    found = []
+    for run in runs:
+        known = [replace(p, spread=by_name.get(p.name, p.spread)) for p in run.local]
+        local = [p for p in known if not p.random or p.name in by_name]
+        found.append(replace(run, local=local))
+    return found
 
 
-def with_unknowns(estimate: FitEstimate, complete: Evidence) -> tuple[Evidence, Point]:
+def with_unknowns(
+    estimate: FitEstimate, complete: Sequence[FitRun]
+) -> tuple[list[FitRun], Point]:
     """Runs of `estimate` with all unknowns of `complete`, and values to start a fit
     from.
 
     A fit can begin there; samples and their scales stay those of the estimate.
     """
-    unknowns_of = {run.name: run.local for run in complete.runs}
+    unknowns = {run.name: run.local for run in complete}
     runs = []
     local = []
-    for run, local_values in zip(estimate.runs, estimate.local, strict=True):
-        value_of = {p.name: v for p, v in zip(run.local, local_values, strict=True)}
-        local.append(
-            np.array([value_of.get(p.name, p.start) for p in unknowns_of[run.name]])
-        )
-        runs.append(replace(run, local=unknowns_of[run.name]))
-    return Evidence(runs, estimate.evidence.scales), Point(estimate.shared, local)
+    for run, values in zip(estimate.runs, estimate.local, strict=True):
+        names = [p.name for p in run.local]
+        known = dict(zip(names, values, strict=True))
+        own = unknowns[run.name]
+        local.append(np.array([known.get(p.name, p.start) for p in own]))
+        runs.append(replace(run, local=own))
+    return runs, Point(estimate.shared, local)
 
 
 def estimate_spreads(
-    simulate: Simulate, estimate: FitEstimate, complete: Evidence
+    simulate: Simulate, estimate: FitEstimate, complete: Sequence[FitRun]
 ) -> tuple[Spread, ...]:
     """REML spreads of all random unknowns of the runs `complete`, by a refit of
     `estimate`.
@@ -365,10 +344,10 @@ def estimate_spreads(
     The estimate may hold some of the unknowns only: it is refitted with all of them
     first, so that its residuals are noise.
     """
-    if not any(p.random for run in complete.runs for p in run.local):
+    if not any(p.random for run in complete for p in run.local):
         return ()
-    evidence, start = with_unknowns(estimate, complete)
-    refitted = refit(estimate.model, evidence, start, enough=ROUGH_GAIN)
+    runs, start = with_unknowns(estimate, complete)
+    refitted = refit(estimate.model, runs, start, enough=ROUGH_GAIN)
     return reml_spreads(run_one(simulate, refitted))
 
 
@@ -390,10 +369,10 @@ def _common_error_responses(estimate: FitEstimate) -> Array:
     """Whitened residuals (N, k) caused by one standard deviation of each common
     error.
     """
-    evidence = estimate.evidence
-    names = list(dict.fromkeys(name for run in evidence.runs for name in run.common))
+    names = list(dict.fromkeys(name for run in estimate.runs for name in run.common))
     parts = []
-    for run, scale in zip(evidence.runs, evidence.scales, strict=True):
+    for run in estimate.runs:
+        scale = run.samples.scale
         rows = [run.common.get(name, np.zeros(len(scale))) / scale for name in names]
         parts.append(np.array(rows).reshape(len(names), len(scale)).T)
     return np.concatenate(parts)
@@ -429,7 +408,5 @@ def _variance(
     def with_factor(p: Parameter) -> Parameter:
         return replace(p, spread=p.spread * factors.get(p.name, 1.0)) if p.random else p
 
-    evidence = estimate.evidence
-    runs = [replace(run, local=[*map(with_factor, run.local)]) for run in evidence.runs]
-    scaled = replace(estimate, evidence=replace(evidence, runs=runs))
-    return np.diag(covariance(scaled, inefficiency))
+    runs = [replace(run, local=[*map(with_factor, run.local)]) for run in estimate.runs]
+    return np.diag(covariance(replace(estimate, runs=runs), inefficiency))

@@ -111,8 +111,9 @@ def _autocovariance(
     power = 0.0
     products = np.zeros(lags)
     for run, r in zip(runs, residuals, strict=True):
-        for series in np.unique(run.samples.series):
-            x = r[run.samples.series == series]
+        owner = run.samples.series
+        for series in np.unique(owner):
+            x = r[owner == series]
             power += x @ x
             for k in range(1, min(lags, len(x) - 1) + 1):
                 products[k - 1] += x[:-k] @ x[k:]

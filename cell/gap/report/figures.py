@@ -1,8 +1,7 @@
 """Figures of a fit's report, as SVG text, and the runs simulated again for them."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,19 +14,23 @@ from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.fitting.model import requests
 from cell.gap.report.sentence import motion_name
 from cell.gap.subject.subject import Quantity, Samples, Scene, Subject
+from cell.gap.verdict.compose import SIGNIFICANT
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
 from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, as_svg, canvas
 from cell.report.words import plain
 from drivers.base.types import Array
 
-COLOUR_BEFORE, COLOUR_AFTER = ORANGE, BLUE
+COLOURS = COLOUR_BEFORE, COLOUR_AFTER = ORANGE, BLUE
+SIMULATED = {
+    "before": "simulated from the refitted file",
+    "after": "simulated with what was found",
+}
 COLUMN = 0.34  # inch, width of a column of the heat map
 HEAT_TICKS = (0, 1, 3, 10, 30, 100, 1000, 10000)  # sigma, on its logarithmic scale
 
 
-@dataclass(frozen=True, slots=True)
-class RunScenes:
+class RunScenes(NamedTuple):
     """Run as measured and simulated: scenes by the keys `measured`, `before` and
     `after`.
 
@@ -52,8 +55,9 @@ class DrawnVerdict(Verdict):
         """Figure of the residuals of held-out runs by quantity, before and after, in
         units of their noise.
         """
-        noise = {key: value for key, value in self.gap.floor.items() if value}
-        sides = {"before": self.gap.before, "after": self.gap.after}
+        gap = self.gap
+        noise = {key: value for key, value in gap.floor.items() if value}
+        sides = {"before": gap.before, "after": gap.after}
         sizes = {
             word: np.array([side[key] / level for key, level in noise.items()])
             for word, side in sides.items()
@@ -75,7 +79,7 @@ def folds(shapes: Mapping[str, Array]) -> str:
     with canvas(7.0, 2.2) as figure:
         axes = figure.add_subplot(aspect="equal", anchor="W")
         axes.axhline(0, color=MUTED, lw=0.8)
-        axes.set_prop_cycle(color=[COLOUR_BEFORE, COLOUR_AFTER])
+        axes.set_prop_cycle(color=COLOURS)
         for name, points in shapes.items():
             axes.plot(*(1e3 * points).T, label=name)
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
@@ -87,7 +91,8 @@ def replay(findings: Findings) -> Iterator[RunScenes]:
     """Simulate runs with the base and the accepted model for drawings, held-out runs
     first.
     """
-    subject, accepted = findings.subject, findings.accepted
+    subject = findings.subject
+    accepted = findings.accepted
     fitted = {"before": findings.base.estimate}
     if accepted.effects:
         fitted["after"] = accepted.estimate
@@ -117,33 +122,29 @@ def heat_map(places: Sequence[Bin]) -> str:
     """
     cells = {((p.channel, p.zone, p.phase), p.condition): p for p in places}
     rows, columns = (sorted({*words}) for words in zip(*cells, strict=True))
-    grid = np.full((len(rows), len(columns)), np.nan)
-    significant = []
+    high = len(rows)
+    wide = len(columns)
+    grid, surest = np.full((2, high, wide), np.nan)
     for (row, column), place in cells.items():
-        i, j = rows.index(row), columns.index(column)
-        grid[i, j] = abs(place.z)
-        if place.p < 0.05:
-            significant.append((j, i))
+        at = rows.index(row), columns.index(column)
+        grid[at], surest[at] = abs(place.z), place.p
     highest = max(9.0, np.nanmax(grid))
     scale = FuncNorm((np.log1p, np.expm1), 0.0, highest)
-    with canvas(
-        max(5.0, 1.8 + COLUMN * len(columns)), max(2.0, 0.9 + 0.3 * len(rows))
-    ) as figure:
+    with canvas(max(5.0, 1.8 + COLUMN * wide), max(2.0, 0.9 + 0.3 * high)) as figure:
         axis = figure.add_subplot()
         axis.grid(visible=False)
-        image = axis.imshow(
-            np.ma.masked_invalid(grid), cmap="YlOrRd", aspect="auto", norm=scale
-        )
-        axis.set_yticks(range(len(rows)), [" · ".join(row) for row in rows])
+        # what is NaN stays blank
+        image = axis.imshow(grid, cmap="YlOrRd", aspect="auto", norm=scale)
+        axis.set_yticks(range(high), [" · ".join(row) for row in rows])
         axis.set_xticks(
-            range(len(columns)),
-            [motion_name(condition) for condition in columns],
+            range(wide),
+            [*map(motion_name, columns)],
             rotation=40,
             ha="right",
             rotation_mode="anchor",
         )
-        for at in sorted(significant, key=itemgetter(1, 0)):
-            axis.plot(*at, "o", ms=2.5, color=INK)
+        for i, j in np.argwhere(surest < SIGNIFICANT).tolist():
+            axis.plot(j, i, "o", ms=2.5, color=INK)
         ticks = [z for z in HEAT_TICKS if z <= highest]
         figure.colorbar(
             image, ax=axis, pad=0.01, ticks=ticks, label="sigma beyond noise"
@@ -159,23 +160,25 @@ def residual_traces(
     `fits`.
     """
     samples = fits["before"].runs[run].samples
-    by_series = [
-        np.flatnonzero(samples.series == number) for number in np.unique(samples.series)
-    ]
-    by_series = [
-        rows[np.argsort(samples.t[rows])] for rows in by_series if len(rows) > 1
-    ]
+    t = samples.t
+    series = samples.series
+    order = np.argsort(t, kind="stable")
+    by_series = [order[series[order] == number] for number in np.unique(series)]
+    by_series = [rows for rows in by_series if len(rows) > 1]
     if not by_series:
         return ""
     means = {word: fit.raw[run].mean for word, fit in fits.items()}
-    times = samples.t[np.concatenate(by_series)]
-    with canvas(7.5, 0.8 + 1.35 * len(by_series)) as figure:
-        axes = figure.subplots(len(by_series), sharex=True, squeeze=False)[:, 0]
+    times = t[np.concatenate(by_series)]
+    count = len(by_series)
+    with canvas(7.5, 0.8 + 1.35 * count) as figure:
+        axes = figure.subplots(count, sharex=True, squeeze=False).ravel()
+        first = axes[0]
+        last = axes[-1]
         for axis, rows in zip(axes, by_series, strict=True):
             _residual_trace(axis, samples, rows, means, quantities)
-        axes[0].set_xlim(times.min(), times.max())
-        axes[-1].set_xlabel("time [s]")
-        _legend_above(figure, axes[0])
+        first.set_xlim(times.min(), times.max())
+        last.set_xlabel("time [s]")
+        _legend_above(figure, first)
         return as_svg(figure)
 
 
@@ -189,23 +192,22 @@ def _residual_trace(
     """Draw residual `means` (n,) [SI] by fit in one series over a band of 2 sigma
     noise.
     """
-    quantity = quantities[str(samples.quantity[rows][0])]
+    first = rows[0]
     t = samples.t[rows]
-    band = 2.0 * quantity.factor * samples.reading[rows]
+    quantity = quantities[str(samples.quantity[first])]
+    factor = quantity.factor
+    band = 2.0 * factor * samples.reading[rows]
     axis.fill_between(t, -band, band, color=RULE, lw=0, gid="2 sigma of the noise")
-    zones = set(samples.zone[rows])
-    name = f"{samples.channel[rows][0]}{f' {zones.pop()}' if len(zones) == 1 else ''}"
-    for (word, mean), colour in zip(
-        means.items(), (COLOUR_BEFORE, COLOUR_AFTER), strict=False
-    ):
-        shown = quantity.factor * mean[rows]
+    zone, *others = {*samples.zone[rows]}
+    name = f"{samples.channel[first]}{'' if others else f' {zone}'}"
+    for (word, mean), colour in zip(means.items(), COLOURS, strict=False):
+        shown = factor * mean[rows]
         axis.plot(t, shown, color=colour, lw=1.2, label=word, gid=f"{name}, {word}")
     axis.set_ylabel(f"{name}\n[{quantity.unit}]")
     axis.axhline(0.0, color=INK, lw=0.5)
 
 
-@dataclass(frozen=True, slots=True)
-class Worst:
+class Worst(NamedTuple):
     """Moment of a run at which the model before is farthest from the curve measured.
 
     `t` [s] is that of image number `image`, `off` the rms distances [m] of the measured
@@ -222,18 +224,18 @@ def worst_moment(runs: Sequence[RunScenes]) -> Worst | None:
     """Worst moment of `runs`; None where they have no curve."""
     found = None
     for run in runs:
-        curve, before = run.measured.curve, run.scenes.get("before")
-        if not (curve and len(curve.t) and before and before.curve):
+        curves = {key: drawn.curve for key, drawn in run.scenes.items() if drawn.curve}
+        curve = curves.pop("measured", None)
+        before = curves.get("before")
+        if not (curve and len(curve.t) and before):
             continue
-        pairs = zip(curve.points, before.curve.points, strict=True)
-        distances = [_distance(points, line) for points, line in pairs]
+        measured = curve.points
+        distances = [*map(_distance, measured, before.points)]
         image = int(np.argmax(distances))
         if found and found.off["before"] >= distances[image]:
             continue
         off = {
-            key: _distance(curve.points[image], drawn.curve.points[image])
-            for key, drawn in run.scenes.items()
-            if key != "measured" and drawn.curve
+            k: _distance(measured[image], c.points[image]) for k, c in curves.items()
         }
         found = Worst(run, image, curve.t[image], off)
     return found
@@ -259,20 +261,14 @@ def worst_picture(worst: Worst) -> str:
 
 def _midline(axis: Axes, run: RunScenes, k: int) -> None:
     """Draw measured and simulated midlines of image number `k`."""
-    points = (
-        1e3 * run.measured.curve.points[k] if run.measured.curve else np.zeros((1, 2))
-    )
+    curves = {word: scene.curve for word, scene in run.scenes.items() if scene.curve}
+    drawn = {word: 1e3 * curve.points[k] for word, curve in curves.items()}
+    points = drawn.pop("measured")
     axis.plot(*points.T, "o", ms=3.5, color=INK, alpha=0.35, mew=0, label="measured")
-    looks = {
-        "before": (COLOUR_BEFORE, "simulated from the refitted file"),
-        "after": (COLOUR_AFTER, "simulated with what was found"),
-    }
-    for word, (colour, label) in looks.items():
-        scene = run.scenes.get(word)
-        if scene and scene.curve:
-            line = 1e3 * scene.curve.points[k]
-            axis.plot(*line.T, color=colour, lw=1.6, label=label)
-    low, high = points.min(axis=0), points.max(axis=0)
+    for (word, line), colour in zip(drawn.items(), COLOURS, strict=False):
+        axis.plot(*line.T, color=colour, lw=1.6, label=SIMULATED[word])
+    low = points.min(axis=0)
+    high = points.max(axis=0)
     x, z = 0.5 * (low + high)
     half = 0.55 * (high - low).max() + 5.0
     axis.set(
@@ -307,8 +303,7 @@ def _bars(
     axis: Axes = figure.add_subplot()
     rows = np.arange(len(names))
     for k, (word, sizes) in enumerate(by_fit.items()):
-        colour = (COLOUR_BEFORE, COLOUR_AFTER)[k]
-        axis.barh(rows + 0.4 * k, sizes, 0.38, color=colour, label=word)
+        axis.barh(rows + 0.4 * k, sizes, 0.38, color=COLOURS[k], label=word)
     axis.set_yticks(rows + 0.2 * (len(by_fit) - 1), names)
     axis.invert_yaxis()
     axis.set_xlabel(label)

@@ -76,25 +76,21 @@ def blueprint(runs: Sequence[RunScenes]) -> Any:
 
 def _run_tab(run: RunScenes) -> Any:
     """Tab of one run: its curve over events and verdict, beside its signals."""
-    name = f"{run.name} (held out)" if run.held_out else run.name
-    root = _root(run.name)
-    titles = dict.fromkeys(
-        s.title for drawn in run.scenes.values() for s in drawn.signals
-    )
-    plots = [
-        saving.curves(f"{root}/signals/{rr.escape_entity_path_part(title)}", title)
-        for title in titles
-    ]
+    name = run.name
+    root = _root(name)
+    title = f"{name} (held out)" if run.held_out else name
+    signals = (s.title for drawn in run.scenes.values() for s in drawn.signals)
+    plots = [saving.curves(_signal(root, s), s) for s in dict.fromkeys(signals)]
     verdict = rrb.TextDocumentView(origin="/verdict", name="verdict")
     if not run.measured.curve:
         grid = rrb.Grid(*plots, grid_columns=2)
-        return rrb.Vertical(verdict, grid, row_shares=[1, 6], name=name)
+        return rrb.Vertical(verdict, grid, row_shares=[1, 6], name=title)
     log = rrb.TextLogView(origin=f"{root}/events", name="events")
-    title = "strip: measured (white), before (orange), after (blue)"
+    legend = "strip: measured (white), before (orange), after (blue)"
     place = f"{root}/{scene.WORLD}"
-    space = scene.view(_length(run), place, title, nearness=NEARNESS)
+    space = scene.view(_length(run), place, legend, nearness=NEARNESS)
     views = saving.arrange(space, log, verdict, plots, [1] * len(plots))
-    return rrb.Horizontal(views, name=name)
+    return rrb.Horizontal(views, name=title)
 
 
 def _log_run(recording: rr.RecordingStream, run: RunScenes) -> None:
@@ -146,12 +142,10 @@ def _log_tracks(
 def _log_signals(
     recording: rr.RecordingStream, root: str, word: str, drawn: Scene
 ) -> None:
-    for signal in drawn.signals:
-        entity = f"{root}/signals/{rr.escape_entity_path_part(signal.title)}/{word}"
-        look = rr.SeriesLines(colors=CURVE_COLOURS[word], names=word, widths=1.5)
-        _send_columns(
-            recording, entity, signal.t, rr.Scalars.columns(scalars=signal.values), look
-        )
+    look = rr.SeriesLines(colors=CURVE_COLOURS[word], names=word, widths=1.5)
+    for title, t, values in drawn.signals:
+        columns = rr.Scalars.columns(scalars=values)
+        _send_columns(recording, f"{_signal(root, title)}/{word}", t, columns, look)
 
 
 def _log_curve(
@@ -160,20 +154,18 @@ def _log_curve(
     """Log a measured curve as unconnected points, a simulated one as a line."""
     if not (drawn.curve and len(drawn.curve.t)):
         return
+    t, places = drawn.curve
     depth = -DEPTHS[word]
-    curves = [scene.at_depth(points, depth) for points in drawn.curve.points]
+    colour = CURVE_COLOURS[word]
+    curves = [scene.at_depth(points, depth) for points in places]
     if word == "measured":
         columns = rr.Points3D.columns(positions=np.concatenate(curves))
-        columns = columns.partition([len(points) for points in curves])
-        look: Any = rr.Points3D.from_fields(
-            colors=CURVE_COLOURS[word], radii=POINT_RADIUS
-        )
+        columns = columns.partition([*map(len, curves)])
+        look: Any = rr.Points3D.from_fields(colors=colour, radii=POINT_RADIUS)
     else:
         columns = scene.lines(curves)
-        look = rr.LineStrips3D.from_fields(
-            colors=CURVE_COLOURS[word], radii=CURVE_RADIUS
-        )
-    _send_shapes(recording, f"{root}/curve/{word}", drawn.curve.t, columns, look)
+        look = rr.LineStrips3D.from_fields(colors=colour, radii=CURVE_RADIUS)
+    _send_shapes(recording, f"{root}/curve/{word}", t, columns, look)
 
 
 def _send_columns(
@@ -198,6 +190,11 @@ def _send_shapes(
     recording.set_time("t", duration=t[-1] + AFTER)
     recording.log(entity, rr.Clear(recursive=False))
     recording.reset_time()
+
+
+def _signal(root: str, title: str) -> str:
+    """Entity of the plot of signals with a `title`."""
+    return f"{root}/signals/{rr.escape_entity_path_part(title)}"
 
 
 def _root(name: str) -> str:

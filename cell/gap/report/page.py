@@ -30,7 +30,7 @@ from cell.gap.report.sentence import (
 )
 from cell.gap.selection.likelihood import MIN_GAIN
 from cell.gap.subject.subject import FitRun
-from cell.gap.verdict.compose import SIGNIFICANT
+from cell.gap.verdict.compose import significant
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.offered_law import OfferedLaw
 from cell.gap.verdict.schema import CandidateEntry, Gap, Kind, Verdict
@@ -86,25 +86,21 @@ def _place_values(findings: Findings) -> dict[str, str]:
     `map`.
     """
     places = findings.places
-    strong = [place for place in places if place.p < SIGNIFICANT]
-    if not strong:
-        return {
-            "words": "Nowhere beyond what noise does.",
-            "map": figures.heat_map(places),
-        }
-    first = strong[0]
-    words = (
-        f"Strongest in {first.channel}, {first.zone} zone, {first.phase} phase of"
-        f" {motion_name(first.condition)}: {abs(first.z):.0f} sigma. {len(strong)} of"
-        f" {len(places)} places disagree beyond noise (dots; family-wise 5 %). Shown is"
-        " the model after its base parameters were refitted."
-    )
+    words = "Nowhere beyond what noise does."
+    strong = significant(places)
+    for first in strong[:1]:
+        words = (
+            f"Strongest in {first.channel}, {first.zone} zone, {first.phase} phase of"
+            f" {motion_name(first.condition)}: {abs(first.z):.0f} sigma. {len(strong)}"
+            f" of {len(places)} places disagree beyond noise (dots; family-wise 5 %)."
+            " Shown is the model after its base parameters were refitted."
+        )
     return {"words": words, "map": figures.heat_map(places)}
 
 
 def _candidate_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on all fitted models, with their gain [nats] on left-out runs."""
-    accepted = findings.accepted.name
+    accepted = findings.accepted
     note = (
         "What each effect gains in predicting runs that the fit had not seen, in nats."
         " Accepted is the most probable set of effects that predicts better than each"
@@ -113,10 +109,10 @@ def _candidate_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     )
     return {
         "note": note,
-        "found": bool(findings.accepted.effects),
+        "found": bool(accepted.effects),
         "dead": ", ".join(p.name for p in findings.screen.probed if p.dead),
         "rows": [
-            _candidate_row(row, row.name == accepted) for row in verdict.candidates
+            _candidate_row(row, row.name == accepted.name) for row in verdict.candidates
         ],
     }
 
@@ -144,10 +140,11 @@ def _base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     note = f"The runs add little to what was known before of: {weak}."
     rows = []
     for p in findings.scope.base:
-        start = number_text(in_small_unit(p.start, p.unit), 4)
-        refitted, *ends = interval_numbers(verdict.base[p.name], p.unit, 4)
-        unit = shown_unit(p.unit)
-        rows.append((p.name, start, refitted, " to ".join(ends), unit))
+        name = p.name
+        unit = p.unit
+        start = number_text(in_small_unit(p.start, unit), 4)
+        refitted, *ends = interval_numbers(verdict.base[name], unit, 4)
+        rows.append((name, start, refitted, " to ".join(ends), shown_unit(unit)))
     return {
         "rows": rows,
         "note": note if weak else "The runs at least halve what was uncertain of each.",
@@ -164,8 +161,9 @@ def _held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         word: held_out_gap.excess(held_out_gap.run_squares(fit)[:, None])
         for word, fit in fits.items()
     }
-    typical = np.argsort(by_run["before"])[len(names) // 2]
-    largest = int(np.argmax(by_run["before"]))
+    before = by_run["before"]
+    typical = np.argsort(before)[len(names) // 2]
+    largest = int(np.argmax(before))
     return {
         "worst": _worst_values(findings, fits, largest, names[largest]),
         "typical": names[typical],
@@ -187,9 +185,8 @@ def _worst_values(
     replays = list(figures.replay_runs(findings.subject, drawn, held_out=True))
     worst = figures.worst_moment(replays)
     if not worst:  # a mechanism has no curve
-        quantities = findings.quantities
         return {
-            "figure": figures.residual_traces(fits, run, quantities),
+            "figure": figures.residual_traces(fits, run, findings.quantities),
             "says": f"Measured minus simulated in {name}, which the fit had not seen.",
         }
     before, after = (millimetres(worst.off.get(key)) for key in ("before", "after"))
@@ -208,11 +205,12 @@ def _sizes(verdict: Verdict) -> list[tuple[str, str, str]]:
     every = [(effect, "") for effect in verdict.effects]
     every += [(effect, "suspected, ") for effect in verdict.suspected]
     for effect, doubt in every:
+        of = f"{doubt}{plain(effect.name)}"
         for name, value in effect.parameters.items():
-            size, *ends = interval_numbers(value, value.unit)
-            title = f"{doubt}{plain(effect.name)}: {plain(name)}"
-            shown = f"{size} {shown_unit(value.unit)}".strip()
-            rows.append((title, shown, " to ".join(ends)))
+            unit = value.unit
+            size, *ends = interval_numbers(value, unit)
+            shown = f"{size} {shown_unit(unit)}".strip()
+            rows.append((f"{of}: {plain(name)}", shown, " to ".join(ends)))
     return rows
 
 
@@ -247,11 +245,12 @@ def _remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """
     known = findings.scope.by_name
     rest = verdict.unexplained
+    law = findings.law
     is_open = verdict.verdict == "unexplained"  # then the card describes it
     return {
         "open": is_open,
         "rest": capitalised(rest.description) if rest and not is_open else "",
-        "law": _law_text(findings.law) if findings.law else "",
+        "law": _law_text(law) if law else "",
         "alike": "; ".join(" or ".join(group) for group in verdict.ambiguous),
         "untested": [(each.what, each.why) for each in verdict.untested],
         "silent": ", ".join(undetectable_effects(findings)),
@@ -280,11 +279,11 @@ def page(findings: Findings, verdict: Verdict) -> str:
     """HTML text of a fit's report: the verdict card, figures, and below them all
     numbers.
     """
-    name, runs = findings.subject.name, findings.subject.runs
-    planned, held = (
-        _planned_folds(findings, verdict),
-        _held_out_values(findings, verdict),
-    )
+    subject = findings.subject
+    name = subject.name
+    runs = subject.runs
+    planned = _planned_folds(findings, verdict)
+    held = _held_out_values(findings, verdict)
     return document(
         "gap/report/gap.html",
         f"{name}: simulation and measurement",
@@ -320,23 +319,22 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     the strip.
     """
     nothing = {"rows": [], "figure": ""}
-    if findings.subject.kind != "strip" or not verdict.effects:
+    subject = findings.subject
+    if subject.kind != "strip" or not verdict.effects:
         return nothing
     values = verdict.values_with(verdict.effects)
-    patches = (findings.subject.patch(*each, "") for each in (({}, {}), values))
+    patches = (subject.patch(*each, "") for each in (({}, {}), values))
+    rows = []
+    shapes = {}
     try:
         stated, accepted = (parse(patch, StripFile, "patch") for patch, _ in patches)
-        drawn = {
-            "planned from the file": fold_by_plan(stated, accepted),
-            "planned with what was found": fold_by_plan(accepted, accepted),
-        }
+        for known, by in ((stated, "from the file"), (accepted, "with what was found")):
+            name = f"planned {by}"
+            displacement, shapes[name] = fold_by_plan(known, accepted)
+            rows.append((name, millimetres(displacement, signed=True)))
     except CellError:
         return nothing
-    rows = [(name, millimetres(d, signed=True)) for name, (d, _) in drawn.items()]
-    return {
-        "rows": rows,
-        "figure": figures.folds({n: shape for n, (_, shape) in drawn.items()}),
-    }
+    return {"rows": rows, "figure": figures.folds(shapes)}
 
 
 def _verdict_card(
@@ -344,8 +342,8 @@ def _verdict_card(
 ) -> Card:
     """Verdict card: headline, sentences, tone, and the probability in large print."""
     number = below = ""
-    if verdict.effects:
-        number = percent(min(effect.confidence for effect in verdict.effects))
+    if effects := verdict.effects:
+        number = percent(min(effect.confidence for effect in effects))
         below = "probable; causes outside\nthe library count against it"
     lines = [sentence(findings, verdict)]
     if findings.held_out_fits.changed:
@@ -358,29 +356,22 @@ def _verdict_card(
         tone = "bad" if tone == "bad" else "fair"
         lines = [capitalised(deviation_text(verdict.deviates)) + ".", *lines]
     said = headline(verdict)
-    if planned["rows"]:
-        said = _fold_sentence(verdict, [text for _, text in planned["rows"]])
+    if rows := planned["rows"]:
+        said = _fold_sentence(verdict, [text for _, text in rows])
     return Card(tone, said, tuple(lines), number, below)
 
 
 def _fold_sentence(verdict: Verdict, displacements: Sequence[str]) -> str:
     """Sentence on the fold as it is planned from the file, and with what was found."""
-    first = verdict.effects[0]
+    first, *others = verdict.effects
     name, value = next(iter(first.parameters.items()))
-    size = number_text(in_small_unit(value.value, value.unit), 2)
-    effect = _effect_words(first.name, name)
-    words = f"{effect} of {size} {shown_unit(value.unit)}".strip()
-    others = [plain(effect.name) for effect in verdict.effects[1:]]
-    words = " and ".join([words, *others])
+    unit = value.unit
+    size = number_text(in_small_unit(value.value, unit), 2)
+    effect = PARAMETERS.get(name, plain(first.name))  # as the page of a fold has them
+    words = f"{effect} of {size} {shown_unit(unit)}".strip()
+    words = " and ".join([words, *(plain(effect.name) for effect in others)])
     before, after = (text.lstrip(f"+{MINUS}") for text in displacements)
     return f"The planned fold is foreseen {before} off; with {words} it is {after}"
-
-
-def _effect_words(effect: str, parameter: str) -> str:
-    """Words for an `effect` with its first `parameter`, as the page of a fold has
-    them.
-    """
-    return PARAMETERS.get(parameter, plain(effect))
 
 
 def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
@@ -411,11 +402,12 @@ def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
 
 def _evidence(findings: Findings, verdict: Verdict) -> list[tuple[str, ...]]:
     """Rows on what was read: name, what it is, digest if it is a file."""
-    digests = findings.subject.origin.digests.items()
+    subject = findings.subject
     rows: list[tuple[str, ...]] = [
-        (path.name, "stated by the file", digest[:16]) for path, digest in digests
+        (path.name, "stated by the file", digest[:16])
+        for path, digest in subject.origin.digests.items()
     ]
-    for run in findings.subject.runs:
+    for run in subject.runs:
         held = "held out" if run.name in verdict.held_out else "fitted"
         rows.append((run.name, f"{motion_name(run.condition)}, {held}", NO_VALUE))
     return rows

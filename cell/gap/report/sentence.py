@@ -73,10 +73,11 @@ def interval_numbers(value: Interval, of: str, digits: int = 3) -> list[str]:
 
 def interval_text(value: ValueWithUnit) -> str:
     """Text of an estimate with its 95 % interval, in the unit that pages show."""
-    middle, *ends = interval_numbers(value, value.unit)
+    unit = value.unit
+    middle, *ends = interval_numbers(value, unit)
     if not ends:
-        return _quantity_text(value.value, value.unit)
-    return f"{middle} [{', '.join(ends)}] {shown_unit(value.unit)}".rstrip()
+        return _quantity_text(value.value, unit)
+    return f"{middle} [{', '.join(ends)}] {shown_unit(unit)}".rstrip()
 
 
 def headline(verdict: Verdict) -> str:
@@ -87,17 +88,20 @@ def headline(verdict: Verdict) -> str:
     if verdict.deviates:
         names = ", ".join(plain(d.parameter) for d in verdict.deviates)
         parts.append(f"Not as the file states: {names}")
-    if verdict.verdict != "named":
-        return "; ".join([*parts, TITLES[verdict.verdict]])
-    for effect in verdict.effects:
-        first, *others = effect.parameters.items()
-        # by joint
-        sizes = [first, *(each for each in others if each[1].unit == first[1].unit)]
-        name, value = next(
-            (s for s in sizes if (s[1].low or 0.0) * (s[1].high or 0.0) > 0), first
-        )
-        parts.append(f"{effect.name}: {plain(name)} {interval_text(value)}")
+    for effect in verdict.effects if verdict.verdict == "named" else ():
+        sizes = effect.parameters
+        first, *_ = sizes
+        unit = sizes[first].unit  # of all joints
+        sure = [n for n, v in sizes.items() if v.unit == unit and _is_sure(v)]
+        name, *_ = [*sure, first]
+        parts.append(f"{effect.name}: {plain(name)} {interval_text(sizes[name])}")
+    parts += filter(None, [TITLES.get(verdict.verdict)])
     return "; ".join(parts)
+
+
+def _is_sure(value: Interval) -> bool:
+    """Whether both ends of the interval lie on one side of zero."""
+    return (value.low or 0.0) * (value.high or 0.0) > 0.0
 
 
 def sentence(findings: Findings, verdict: Verdict) -> str:
@@ -120,8 +124,8 @@ def _name_effects(findings: Findings, verdict: Verdict) -> str:
         for e in verdict.effects
     )
     text = f"{effects}."
-    if verdict.ambiguous:
-        either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
+    if alike := verdict.ambiguous:
+        either = "; ".join(" or ".join(group) for group in alike)
         text += (
             " Beside it something is missing that these runs cannot tell apart:"
             f" {either}"
@@ -178,13 +182,13 @@ def deviation_text(deviates: Sequence[Deviation]) -> str:
     """Text on the fitted values that deviate from the subject's file."""
     parts = []
     for d in deviates:
-        ends = (
-            _quantity_text(end, d.unit) if end is not None else "any"
-            for end in d.tolerated
+        stated, *ends = (
+            "any" if value is None else _quantity_text(value, d.unit)
+            for value in (d.stated, *d.tolerated)
         )
         parts.append(
-            f"{plain(d.parameter)} {interval_text(d)}, the file states "
-            f"{_quantity_text(d.stated, d.unit)} and tolerates {' to '.join(ends)}"
+            f"{plain(d.parameter)} {interval_text(d)}, the file states {stated} and"
+            f" tolerates {' to '.join(ends)}"
         )
     return f"not as the file states: {'; '.join(parts)}"
 
@@ -207,11 +211,11 @@ def undetectable_effects(findings: Findings) -> list[str]:
 def usual_size(findings: Findings, name: str) -> str:
     """Text of the largest usual size of an effect; empty where nobody knows."""
     candidate = findings.scope.by_name[name]
-    if candidate.usual is None:
-        return ""
     first = candidate.parameters[0]
-    stated = first.stated_value(first.start + candidate.usual)
-    return detection_limit(findings, name, stated)
+    usual = candidate.usual
+    if usual is None:
+        return ""
+    return detection_limit(findings, name, first.stated_value(first.start + usual))
 
 
 def detection_limit(findings: Findings, name: str, value: float) -> str:
@@ -219,9 +223,10 @@ def detection_limit(findings: Findings, name: str, value: float) -> str:
     limit.
     """
     first = findings.scope.by_name[name].parameters[0]
-    label = f"{first.name} " if first.unit == "1" else ""
+    unit = first.unit
+    label = f"{first.name} " if unit == "1" else ""
     bound = "at most " if first.inverse else ""
-    return f"{label}{bound}{_quantity_text(abs(value), first.unit)}"
+    return f"{label}{bound}{_quantity_text(abs(value), unit)}"
 
 
 def quantity_label(of: Quantity) -> str:
@@ -249,11 +254,12 @@ def scatter_rows(
     known = {source.name: source for source in sources}
     rows: list[tuple[str, ...]] = []
     for s in (each for each in spreads if each.name in known):
-        factor, shown = SPREAD_UNITS.get(s.unit, (1.0, s.unit))
+        of = known[s.name]
+        unit = s.unit
+        factor, shown = SPREAD_UNITS.get(unit, (1.0, unit))
         value, low, high = (
             number_text(factor * v, 2) for v in (s.value, s.low, s.high)
         )
-        of = known[s.name]
         rows.append(
             (of.sentence, f"{value} {shown}", f"{low} to {high} {shown}", of.remedy)
         )

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
 from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
-from cell.gap.fitting.gauss_newton import best
+from cell.gap.fitting.gauss_newton import FitEstimate, best
 from drivers.base.types import Array
 
 # nats, 55 times as likely: "strong" (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
@@ -18,8 +19,7 @@ GAIN_SHARE = 0.5
 ALPHA = 0.01  # probability of a false alarm, family-wise; customary
 
 
-@dataclass(frozen=True, slots=True)
-class LikelihoodScale:
+class LikelihoodScale(NamedTuple):
     """Dispersion and statistical inefficiency by which all log-likelihoods are divided.
 
     Where even the best model leaves more than noise, or leaves it correlated,
@@ -31,11 +31,16 @@ class LikelihoodScale:
     inefficiency: float
 
 
+def best_fitting(models: Sequence[CrossValidatedFit]) -> FitEstimate:
+    """Estimate of that one of `models` that fits best: by dispersion, then by loss."""
+    return min((m.estimate for m in models), key=lambda fit: (fit.scale, fit.objective))
+
+
 def likelihood_scale(models: Sequence[CrossValidatedFit]) -> LikelihoodScale:
     """Dispersion and inefficiency of the residuals of that one of `models` that fits
     best.
     """
-    fit = min((m.estimate for m in models), key=lambda fit: (fit.scale, fit.objective))
+    fit = best_fitting(models)
     return LikelihoodScale(fit.scale, robust.inefficiency(fit.runs, fit.residuals))
 
 
@@ -103,11 +108,9 @@ class Fits:
         """Models of `size` effects with more than GAIN_SHARE of the best one's gain."""
         if not size:
             return []
-        models = self.of_size(size)
-        nats = [gain(m, self.base, self.likelihood) for m in models]
-        return [
-            m for m, n in zip(models, nats, strict=True) if n > GAIN_SHARE * nats[0]
-        ]
+        nats = [(m, gain(m, self.base, self.likelihood)) for m in self.of_size(size)]
+        most = max((n for _, n in nats), default=0.0)
+        return [m for m, n in nats if n > GAIN_SHARE * most]
 
     def merge(self, more: Sequence[CrossValidatedFit]) -> "Fits":
         """Copy with the models `more` added; of two with equal effects the better fit
@@ -116,7 +119,8 @@ class Fits:
         merged = {m.names: m for m in self.models}
         for m in more:
             earlier = merged.get(m.names)
-            if not earlier or best([earlier.estimate, m.estimate]) is m.estimate:
+            fit = m.estimate
+            if not earlier or best([earlier.estimate, fit]) is fit:
                 merged[m.names] = m
         return replace(self, models=[*merged.values()])
 
@@ -136,18 +140,11 @@ def likelihood_ratio_p(
 
     It is conservative where the sign of a parameter is fixed.
     """
-    loss = sum(
-        robust.loss(r / likelihood.scale).sum() for r in model.estimate.residuals
-    )
-    nested = sum(
-        robust.loss(r / likelihood.scale).sum() for r in part.estimate.residuals
-    )
-    freedom = len(model.model.parameters) - len(part.model.parameters)
-    return float(
-        special.chdtrc(
-            freedom, max(0.0, 2.0 * (nested - loss) / likelihood.inefficiency)
-        )
-    )
+    fits = model.estimate, part.estimate
+    loss, nested = (robust.loss(f.stacked_residuals / likelihood.scale) for f in fits)
+    ratio = 2.0 * (nested.sum() - loss.sum()) / likelihood.inefficiency
+    freedom, fewer = (len(fit.shared) for fit in fits)
+    return float(special.chdtrc(freedom - fewer, max(0.0, ratio)))
 
 
 def holm(p: Mapping[str, float]) -> dict[str, float]:

@@ -12,20 +12,19 @@ Theory, chapter 28).
 """
 
 import itertools
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
-from scipy import special
-from scipy.linalg import cho_solve, solve_triangular
+from scipy import special, stats
+from scipy.linalg import solve_triangular
 
 from cell.gap.fitting import robust
 from cell.gap.fitting.base_fit import projection
 from cell.gap.fitting.gauss_newton import FitEstimate
-from cell.gap.fitting.normal_equations import Unknowns
+from cell.gap.fitting.normal_equations import Unknowns, inverse_and_logdet
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
 from cell.gap.selection.screening import ProbeResponses
 from drivers.base.settings import Seconds, StudyResult
@@ -71,12 +70,9 @@ def floor_responses(
     they separate from the base has a column.
     """
     about = projection(base, robustly=False)
-    evidence = base.evidence
-    runs = [
-        r.samples.floor / s for r, s in zip(evidence.runs, evidence.scales, strict=True)
-    ]
-    floor = np.array([allowed @ allowed for allowed in runs])
-    starts = np.cumsum([0, *map(len, runs[:-1])])
+    shares = [run.samples.floor / run.samples.scale for run in base.runs]
+    floor = np.array([share @ share for share in shares])
+    starts = np.cumsum([0, *map(len, shares[:-1])])
     by_effect: dict[str, Array] = {}
     for p in probed:
         firsts = np.concatenate([group[:, :1] for group in p.responses], axis=1)
@@ -100,8 +96,7 @@ def spike_responses(library: Mapping[str, Array]) -> list[Array]:
     return [Beliefs.shipped().immaterial * response for response in library.values()]
 
 
-@dataclass(frozen=True, slots=True)
-class SetProbability:
+class SetProbability(NamedTuple):
     """A set of effects with its probability `p`, and its log evidence plus log prior,
     `nats`.
 
@@ -116,8 +111,7 @@ class SetProbability:
     shared: Sequence[tuple[frozenset[str], float]] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Posterior:
+class Posterior(NamedTuple):
     """Posterior probabilities of the fitted sets of effects, the most probable set
     first.
     """
@@ -142,18 +136,19 @@ class Posterior:
         A set that does counts against it where one cause in place of two effects would
         not.
         """
-        held = [m for m in self.models if holds(m.names)]
-        against = [m.nats for m in self.models if m not in held]
-        against += [
-            m.nats + n for m in held for two, n in m.shared if not holds(m.names - two)
-        ]
+        held = []
+        against = []
+        for names, nats, _, shared in self.models:
+            if not holds(names):
+                against.append(nats)
+                continue
+            held.append(nats)
+            against += [nats + n for two, n in shared if not holds(names - two)]
         if not against:
             return np.inf
         if not held:
             return -np.inf
-        return float(
-            special.logsumexp([m.nats for m in held]) - special.logsumexp(against)
-        )
+        return float(special.logsumexp(held) - special.logsumexp(against))
 
     def lead(self, names: frozenset[str]) -> float:
         """Log posterior odds [nats] of the set `names` against no effect."""
@@ -194,21 +189,16 @@ def shared_causes(fit: FitEstimate, odds: float) -> list[tuple[frozenset[str], f
     _, changes = fit.model.split(fit.changes)
     pairs = []
     for two in itertools.combinations(fit.effects, 2):
-        low, high = sorted(
-            _displacement(e.parameters, values[e.name] - e.null) for e in two
-        )
-        parts = [changes[effect.name].sum(axis=0) for effect in two]
-        left = np.linalg.norm(sum(parts)) / max(
-            sum(map(np.linalg.norm, parts)), LEAST_NORM
-        )
-        for apart, within in (
-            (1.0 - low / (high or 1.0), EQUAL),
-            (float(left), CANCELLED),
-        ):
-            density = -0.5 * (apart / within) ** 2 - math.log(
-                within * math.sqrt(0.5 * math.pi)
-            )
-            pairs.append((frozenset(e.name for e in two), density - odds))
+        names = frozenset(e.name for e in two)
+        moved = (_displacement(e.parameters, values[e.name] - e.null) for e in two)
+        low, high = sorted(moved)
+        parts = [changes[e.name].sum(axis=0) for e in two]
+        sizes = sum(map(np.linalg.norm, parts))
+        left = np.linalg.norm(sum(parts)) / max(sizes, LEAST_NORM)
+        unlike = (1.0 - low / (high or 1.0), EQUAL), (float(left), CANCELLED)
+        for apart, within in unlike:
+            density = stats.halfnorm.logpdf(apart, scale=within)
+            pairs.append((names, density - odds))
     return pairs
 
 
@@ -220,8 +210,7 @@ def _displacement(parameters: Sequence[Parameter], amounts: Array) -> float:
     return float(np.linalg.norm(amounts[lengths]))
 
 
-@dataclass(frozen=True, slots=True)
-class _SharedTerms:
+class _SharedTerms(NamedTuple):
     """Inputs to the evidence of every set: base fit, weights (N,) of samples, spikes
     (N, k).
     """
@@ -241,9 +230,11 @@ class _SharedTerms:
         what it does not explain.
         """
         base = fits.base.estimate
-        best = min(fits.models, key=lambda m: m.estimate.objective)
-        r = _in_units_of(base, best.estimate)[0] / likelihood.scale
-        weight = np.sqrt(robust.weights(r) / likelihood.inefficiency) / likelihood.scale
+        scale = likelihood.scale
+        best = min((m.estimate for m in fits.models), key=lambda fit: fit.objective)
+        r, _ = _in_units_of(base, best)
+        weights = robust.weights(r / scale) / likelihood.inefficiency
+        weight = np.sqrt(weights) / scale
         spikes = {name: prior.immaterial * r for name, r in fits.library.items()}
         return cls(base, weight, spikes, prior)
 
@@ -260,31 +251,35 @@ class _SharedTerms:
         """Log evidence [nats] of a fit whose laws have the relative model error
         `share`.
         """
-        residual, jacobian = _in_units_of(self.base, fit)
+        base = self.base
+        model = fit.model
+        z = fit.z
+        residual, jacobian = _in_units_of(base, fit)
         spikes = [s for name, s in self.spikes.items() if name not in fit.names]
         columns = np.concatenate([residual[:, None], jacobian, *spikes], axis=1)
-        explained = self.base.stacked_residuals - residual
+        explained = base.stacked_residuals - residual
         whitened, logdet = self._whiten(columns, share * explained)
-        r, responses = whitened[:, 0], whitened[:, 1:]
+        r = whitened[:, 0]
+        responses = whitened[:, 1:]
 
-        laws = slice(len(fit.model.base), len(fit.model.parameters))
+        count = len(z)
+        laws = slice(len(model.base), len(model.parameters))
         limits = _with_proper_priors(fit.unknowns, laws)
-        z = fit.z
-        spiked = (0, responses.shape[1] - len(z))
+        spiked = (0, len(responses.T) - count)
         precision = np.pad(limits.precision, spiked, constant_values=1.0)
         deviation = np.pad(z - limits.mean, spiked)
 
         # Laplace: the minimum of the loss, and the volume about it
         curvature = responses.T @ responses + np.diag(precision)
         gradient = responses.T @ r + precision * deviation
-        inverse, half_logdet = _invert(curvature)
+        inverse, half_logdet = inverse_and_logdet(curvature)
         step = -inverse @ gradient
         loss = r @ r + precision @ deviation**2 + gradient @ step
         nats = -0.5 * float(loss) - 0.5 * logdet - half_logdet
         nats += 0.5 * float(np.log(limits.precision[laws]).sum())
 
-        minimum = z + step[: len(z)]
-        variances = np.diag(inverse)[: len(z)]
+        minimum = z + step[:count]
+        variances = np.diag(inverse)[:count]
         return nats + _truncation(limits, minimum, variances, laws)
 
     def _whiten(self, columns: Array, law_error: Array) -> tuple[Array, float]:
@@ -297,29 +292,17 @@ class _SharedTerms:
             return weighed, 0.0
         logdet = 0.0
         first = 0
-        for run in self.base.runs:
-            for number in np.unique(run.samples.series):
-                rows = first + np.flatnonzero(run.samples.series == number)
-                t = run.samples.t[rows - first]
-                lower = np.linalg.cholesky(
-                    _error_covariance(t, error[rows], self.prior.memory)
-                )
+        for samples in (run.samples for run in self.base.runs):
+            for number in np.unique(samples.series):
+                inside = np.flatnonzero(samples.series == number)
+                rows = first + inside
+                t = samples.t[inside]
+                covariance = _error_covariance(t, error[rows], self.prior.memory)
+                lower = np.linalg.cholesky(covariance)
                 weighed[rows] = solve_triangular(lower, weighed[rows], lower=True)
                 logdet += 2.0 * np.log(np.diag(lower)).sum()
-            first += len(run.samples)
+            first += len(samples)
         return weighed, logdet
-
-
-def _invert(curvature: Array) -> tuple[Array, float]:
-    """Inverse (size, size) of `curvature`, and half the log determinant of
-    `curvature`.
-    """
-    unit = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    lower = np.linalg.cholesky(
-        curvature * unit[:, None] * unit + 1e-10 * np.eye(len(unit))
-    )
-    inverse = cho_solve((lower, True), np.eye(len(unit))) * unit[:, None] * unit
-    return inverse, np.log(np.diag(lower) / unit).sum()
 
 
 def _error_covariance(t: Array, error: Array, memory: float) -> Array:
@@ -338,8 +321,8 @@ def _in_units_of(base: FitEstimate, fit: FitEstimate) -> tuple[Array, Array]:
     """Residual (N,) and Jacobian (N, size) of `fit`, whitened by the scales of
     `base`.
     """
-    scales = zip(fit.evidence.scales, base.evidence.scales, strict=True)
-    unit = np.concatenate([own_scale / base_scale for own_scale, base_scale in scales])
+    runs = zip(fit.runs, base.runs, strict=True)
+    unit = np.concatenate([run.samples.scale / of.samples.scale for run, of in runs])
     return fit.stacked_residuals * unit, fit.stacked_jacobian * unit[:, None]
 
 
@@ -350,9 +333,10 @@ def _with_proper_priors(limits: Unknowns, laws: slice) -> Unknowns:
     Those without one get a standard deviation of a quarter of their range.
     """
     precision = limits.precision.copy()
-    deviation = 0.25 * (limits.high[laws] - limits.low[laws])
-    precision[laws] = np.where(precision[laws] > 0.0, precision[laws], deviation**-2)
-    return replace(limits, precision=precision)
+    known = precision[laws]
+    deviation = 0.25 * (limits.high - limits.low)[laws]
+    precision[laws] = np.where(known > 0.0, known, deviation**-2)
+    return limits._replace(precision=precision)
 
 
 def _truncation(limits: Unknowns, mean: Array, variance: Array, laws: slice) -> float:
@@ -360,10 +344,10 @@ def _truncation(limits: Unknowns, mean: Array, variance: Array, laws: slice) -> 
     `laws`.
     """
 
+    bounds = np.array([limits.low[laws], limits.high[laws]])
+
     def log_mass(middle: Array, deviation: Array) -> Array:
-        low = (limits.low[laws] - middle) / deviation
-        high = (limits.high[laws] - middle) / deviation
-        return _log_normal_mass(low, high)
+        return _log_normal_mass(*(bounds - middle) / deviation)
 
     before = log_mass(limits.mean[laws], limits.precision[laws] ** -0.5)
     return float((log_mass(mean[laws], np.sqrt(variance[laws])) - before).sum())
@@ -373,7 +357,7 @@ def _log_normal_mass(low: Array, high: Array) -> Array:
     """Log mass (k,) [nats] of the unit normal between `low` (k,) and `high` (k,)."""
     flip = low > 0.0  # into the lower tail, where no digits cancel
     low, high = np.where(flip, -high, low), np.where(flip, -low, high)
-    share = special.log_ndtr(high) + np.log1p(
-        -np.exp(np.minimum(special.log_ndtr(low) - special.log_ndtr(high), -1e-12))
-    )
-    return np.asarray(share)
+    below = special.log_ndtr(low)
+    whole = special.log_ndtr(high)
+    mass: Array = whole + np.log1p(-np.exp(np.minimum(below - whole, -1e-12)))
+    return mass

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, islice
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,9 +108,7 @@ def fit_starts(
     origin_point, *others = (
         Point(model.join(shared, v), origin.local) for v in score.starts
     )
-    secants = (
-        _secants(origin, model, score) if origin.evidence is base.evidence else None
-    )
+    secants = _secants(origin, model, score) if origin.runs is base.runs else None
     return model, [(origin_point, secants), *((p, None) for p in others)]
 
 
@@ -128,29 +127,23 @@ def _secants(origin: FitEstimate, model: Model, score: Score) -> Sequence[Array]
 
     None where one of the effects was not screened there.
     """
-    count, base = len(origin.shared), len(model.base)
-    stacked = np.concatenate([jacobian[:, :count] for jacobian in origin.jacobians])
-    by_effect = dict(score.secants)
-    column = base
-    for effect in origin.effects:
-        by_effect[effect.name] = stacked[:, column : column + len(effect.parameters)]
-        column += len(effect.parameters)
-    columns = [by_effect.get(e.name, stacked[:, :0]) for e in model.effects]
+    jacobians = origin.jacobians
+    count = len(origin.shared)
+    stacked = np.concatenate([jacobian[:, :count] for jacobian in jacobians])
+    base, of_origin = origin.model.split(stacked.T)
+    by_effect = {name: secants.T for name, secants in score.secants.items()} | of_origin
+    rows = [by_effect.get(e.name, stacked[:0]) for e in model.effects]
     sizes = [len(e.parameters) for e in model.effects]
-    if [c.shape[1] for c in columns] != sizes or not origin.names <= model.names:
+    if [*map(len, rows)] != sizes or not origin.names <= model.names:
         return None
-    shared = np.concatenate([stacked[:, :base], *columns], axis=1)
-    edges = np.cumsum([len(jacobian) for jacobian in origin.jacobians])[:-1]
+    shared = origin.by_run(np.concatenate([base, *rows]).T)
     return [
-        np.concatenate([rows, jacobian[:, count:]], axis=1)
-        for rows, jacobian in zip(
-            np.split(shared, edges), origin.jacobians, strict=True
-        )
+        np.concatenate([of_shared, jacobian[:, count:]], axis=1)
+        for of_shared, jacobian in zip(shared, jacobians, strict=True)
     ]
 
 
-@dataclass(frozen=True, slots=True)
-class ProbeResponses:
+class ProbeResponses(NamedTuple):
     """Whitened responses (N, probes) of all samples to each group of a candidate
     effect's probes.
 
@@ -189,9 +182,10 @@ class ProbeResponses:
         By the first probe of each group. False for a two-sided effect with a place: its
         response may be larger at another place.
         """
-        if self.candidate.two_sided and _shape_mask(self.candidate).any():
+        candidate = self.candidate
+        if candidate.two_sided and _shape_mask(candidate).any():
             return False
-        amounts = [abs(group[0][0] - self.candidate.null[0]) for group in self.groups]
+        amounts = [abs(group[0][0] - candidate.null[0]) for group in self.groups]
         smallest, *larger = (
             np.linalg.norm(response[:, 0]) / amount if amount else 0.0
             for amount, response in zip(amounts, self.responses, strict=True)
@@ -229,8 +223,7 @@ def _steps_from_null(candidate: Candidate) -> tuple[Array, ...]:
     return tuple(moved)
 
 
-@dataclass(frozen=True, slots=True)
-class ProbeEquations:
+class ProbeEquations(NamedTuple):
     """Normal equations for the amounts of the probes of all candidate effects, the base
     refitted.
 
@@ -251,17 +244,15 @@ def probe_equations(
     alive = tuple(p for p in probed if not p.dead)
     columns: dict[tuple[str, int], Columns] = {}
     column = 0
+    parts = [np.zeros((len(projection.residual), 0))]
     for p in alive:
-        for group, responses in enumerate(p.responses):
-            columns[p.name, group] = np.arange(column, column + responses.shape[1])
-            column += responses.shape[1]
-    parts = [projection.weigh(response) for p in alive for response in p.responses]
-    stacked = (
-        np.concatenate(parts, axis=1)
-        if parts
-        else np.zeros((len(projection.residual), 0))
-    )
-    return ProbeEquations(alive, projection.form(stacked), columns)
+        for group, response in enumerate(p.responses):
+            first = column
+            column = column + len(response.T)
+            columns[p.name, group] = np.arange(first, column)
+            parts.append(projection.weigh(response))
+    form = projection.form(np.concatenate(parts, axis=1))
+    return ProbeEquations(alive, form, columns)
 
 
 def ranked_singles(equations: ProbeEquations) -> list[Score]:
@@ -299,10 +290,12 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
     for choice in np.ndindex(*(len(p.groups) for p in members)):
         mix, gain, values = _best_mix(equations, members, choice)
         if mix.gain > best.gain:
-            best, values_at_best = mix, values
+            best = mix
+            values_at_best = values
         # group 0 holds steps, which are no probes
         if gain > probe_gain and all(choice):
-            probe_gain, best_probe = gain, values
+            probe_gain = gain
+            best_probe = values
     if probe_gain <= LEAST_SHARE * best.gain:
         best_probe = values_at_best if any(p.has_threshold for p in members) else {}
     return replace(
@@ -324,10 +317,10 @@ def _probes_to_fit(
     Beyond a threshold the response is not linear: from the probe that the screen
     prefers, no step of a fit may lead to the best value.
     """
-    if len(members) == 1 and members[0].has_threshold:
-        name = members[0].candidate.name
-        _, *probes = members[0].groups
-        return tuple({name: vector} for group in probes for vector in group)
+    first, *others = members
+    if first.has_threshold and not others:
+        _, *probes = first.groups
+        return tuple({first.name: vector} for group in probes for vector in group)
     return (unscaled,) if unscaled else ()
 
 
@@ -339,14 +332,18 @@ def _opposite_sign(
 
     None where it has no place, or gains with one sign only.
     """
-    name, null = p.name, p.candidate.null[0]
-    if name not in best.start or not _shape_mask(p.candidate).any():
+    name = p.name
+    candidate = p.candidate
+    if name not in best.start or not _shape_mask(candidate).any():
         return None
     mixes = [
         _best_mix(equations, (p,), (group,))[0] for group in range(1, len(p.groups))
     ]
-    sign = np.sign(best.start[name][0] - null)
-    others = [score for score in mixes if sign * (score.start[name][0] - null) < 0.0]
+
+    def moved(score: Score) -> float:
+        return float(score.start[name][0] - candidate.null[0])
+
+    others = [score for score in mixes if moved(best) * moved(score) < 0.0]
     return max(others, key=lambda score: score.gain).start if others else None
 
 
@@ -361,16 +358,16 @@ def _best_mix(
     names = tuple(p.name for p in members)
     chosen = list(zip(members, choice, strict=True))
     columns = np.concatenate([equations.columns[p.name, group] for p, group in chosen])
-    high, signed = [], []
+    low = []
+    high = []
     for p, group in chosen:
         for vector in p.groups[group]:
-            step = _largest_multiple(p.candidate, vector)
-            high.append(FARTHEST if group else step)
-            signed.append(_allows_both_signs(p.candidate, vector))
-    gradient, curvature = equations.form.gradient, equations.form.curvature
+            reach = FARTHEST if group else _largest_multiple(p.candidate, vector)
+            low.append(-reach if _allows_both_signs(p.candidate, vector) else 0.0)
+            high.append(reach)
+    gradient, curvature = equations.form
     form = NormalEquations(gradient[columns], curvature[np.ix_(columns, columns)])
-    reach = np.array(high)
-    amounts = form.bounded_step(np.where(signed, -reach, 0.0), reach)
+    amounts = form.bounded_step(np.array(low), np.array(high))
     unscaled = np.where(amounts < 0.0, -1.0, 1.0)
     return (
         Score(
@@ -390,7 +387,7 @@ def _largest_multiple(candidate: Candidate, vector: Array) -> float:
     """
     moved = vector - candidate.null
     ends = [
-        abs((p.high if d > 0 else p.low) - p.start) / abs(d)
+        ((p.high if d > 0 else p.low) - p.start) / d
         for p, d in zip(candidate.parameters, moved, strict=True)
         if d != 0.0
     ]
@@ -402,8 +399,7 @@ def _allows_both_signs(candidate: Candidate, vector: Array) -> bool:
     bounds.
     """
     mirrored = np.where(_shape_mask(candidate), vector, 2.0 * candidate.null - vector)
-    low, high = _bounds(candidate)
-    return bool(((mirrored >= low) & (mirrored <= high)).all())
+    return np.array_equal(mirrored, np.clip(mirrored, *_bounds(candidate)))
 
 
 def _shape_mask(candidate: Candidate) -> NDArray[np.bool_]:
@@ -415,8 +411,8 @@ def _shape_mask(candidate: Candidate) -> NDArray[np.bool_]:
 
 def _bounds(candidate: Candidate) -> tuple[Array, Array]:
     """Lowest and highest values (k,) of the parameters of `candidate`."""
-    parameters = candidate.parameters
-    return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
+    low, high = np.array([(p.low, p.high) for p in candidate.parameters]).T
+    return low, high
 
 
 def _mixed_values(
@@ -426,15 +422,16 @@ def _mixed_values(
     amount.
     """
     values = {}
-    k = 0
+    following = iter(amounts)
     for p, group in chosen:
-        value = p.candidate.null
-        shapes = _shape_mask(p.candidate)
+        candidate = p.candidate
+        null = candidate.null
+        shapes = _shape_mask(candidate)
+        value = null
         for vector in p.groups[group]:
-            scaled = value + amounts[k] * (vector - p.candidate.null)
+            scaled = value + next(following) * (vector - null)
             value = np.where(shapes, vector, scaled)
-            k += 1
-        values[p.name] = np.clip(value, *_bounds(p.candidate))
+        values[p.name] = np.clip(value, *_bounds(candidate))
     return values
 
 
@@ -464,20 +461,20 @@ def _detection_limit(
     Probes of parameters in another unit than the first one's do not count. None where
     the limit lies beyond a bound, or no probe changes anything.
     """
-    main = probed.candidate.parameters[0]
+    parameters = probed.candidate.parameters
     # each with the logarithm of its scaling
     limits: list[tuple[float, float | None]] = []
     for vectors, responses in zip(probed.groups, probed.responses, strict=True):
         powers = np.diag(projection.form(projection.weigh(responses)).curvature)
-        for vector, power in zip(
-            vectors, powers / likelihood.inefficiency, strict=True
-        ):
-            values = zip(probed.candidate.parameters, vector.tolist(), strict=True)
+        powers = powers / likelihood.inefficiency
+        for vector, power in zip(vectors, powers, strict=True):
+            moves = zip(parameters, vector.tolist(), strict=True)
             # moved by this probe
-            p, value = next((p, v) for p, v in values if v != p.start)
-            if power > LEAST_POWER and p.unit == main.unit:
+            p, moved = next((p, v - p.start) for p, v in moves if v != p.start)
+            if power > LEAST_POWER and p.unit == parameters[0].unit:
                 factor = DETECTED_SIGMA / np.sqrt(power)
-                limit = p.start + (value - p.start) * factor
+                limit = p.start + moved * factor
                 stated = p.stated_value(limit) if p.low <= limit <= p.high else None
                 limits.append((abs(np.log(factor)), stated))
-    return min(limits, key=itemgetter(0))[1] if limits else None
+    _, nearest = min(limits, key=itemgetter(0), default=(0.0, None))
+    return nearest

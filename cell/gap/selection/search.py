@@ -5,6 +5,7 @@ values.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from cell.gap.fitting import Simulate, Task, run_all, side_by_side
 from cell.gap.fitting.base_fit import projection
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, FitEstimate, best, refit
-from cell.gap.fitting.model import Evidence, Model, Point
+from cell.gap.fitting.model import Model, Point
 from cell.gap.selection.likelihood import (
     ALPHA,
     MIN_GAIN,
@@ -30,11 +31,10 @@ from cell.gap.selection.screening import (
     ranked_singles,
     run_probes,
 )
-from cell.gap.subject.subject import Candidate
+from cell.gap.subject.subject import Candidate, FitRun
 
 
-@dataclass(frozen=True, slots=True)
-class Budget:
+class Budget(NamedTuple):
     """Effort of the search, set by hand: numbers of models and steps, and limits of
     gains.
     """
@@ -82,16 +82,16 @@ class Search:
         after a few steps are not refined: the verdict may list them, but no model
         extends them.
         """
-        tasks = []
         base = fits.base.estimate
+        simulate = self.simulate
         candidates = self._with_shape_parameters(fits)
+        tasks = []
         for score in scores:
             earlier = fits.of(frozenset(score.names))
             incumbent = earlier.estimate if earlier else None
-            tasks.append(
-                _best_short_fit(base, *fit_starts(base, score, candidates), incumbent)
-            )
-        started = [e for e in run_all(self.simulate, tasks) if e]
+            model, points = fit_starts(base, score, candidates)
+            tasks.append(_best_short_fit(base, model, points, incumbent))
+        started = [e for e in run_all(simulate, tasks) if e]
         estimates = [*(m.estimate for m in fits.models), *started]
         dispersion = min(e.scale for e in estimates)
         largest = _gain_over(base, best(estimates), dispersion)
@@ -100,8 +100,8 @@ class Search:
             nats = _gain_over(base, fit, dispersion)
             return _finish(fit, promising=within_reach(nats, largest))
 
-        finished = run_all(self.simulate, [*map(refined, started)])
-        return fits.merge(run_all(self.simulate, [validate(e) for e in finished]))
+        finished = run_all(simulate, [*map(refined, started)])
+        return fits.merge(run_all(simulate, [*map(validate, finished)]))
 
     def extend(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
         """Copy of `fits` with one more effect added to `models`, chosen by a linear
@@ -118,12 +118,14 @@ class Search:
             unit = (fit.scale / likelihood.scale) ** 2
             for score in self._screen_further(fits, fit):
                 joint = score.joined_to(fit)
-                after = before - unit * score.gain
-                is_new = not fits.of(frozenset(joint.names))
-                promises = unit * score.gain > MIN_GAIN * likelihood.inefficiency
-                leads = joint.names not in expected or after <= expected[joint.names][0]
+                nats = unit * score.gain
+                names = joint.names
+                after = before - nats
+                is_new = not fits.of(frozenset(names))
+                promises = nats > MIN_GAIN * likelihood.inefficiency
+                leads = names not in expected or after <= expected[names][0]
                 if is_new and promises and leads:
-                    expected[joint.names] = (after, joint)
+                    expected[names] = (after, joint)
         order = sorted(expected.values(), key=itemgetter(0))
         scores = [score for _, score in order[: BUDGET.additions * len(models)]]
         if len(models) > 1:
@@ -146,7 +148,7 @@ class Search:
         tasks = []
         for score in scores:
             model, points = fit_starts(base, score, candidates)
-            tasks.append(_few_steps(model, base.evidence, points[1:] or points))
+            tasks.append(_few_steps(model, base.runs, points[1:] or points))
         estimates = [best(tried) for tried in run_all(self.simulate, tasks)]
         dispersion = min((e.scale for e in estimates), default=1.0)
         pairs = zip(scores, estimates, strict=True)
@@ -166,14 +168,11 @@ class Search:
         for m in models:
             for effect in m.effects:
                 beside = fits.of(m.names - {effect.name})
-                if (
-                    effect.two_sided
-                    and not all(p.is_amount for p in effect.parameters)
-                    and beside
-                ):
+                is_placed = not all(p.is_amount for p in effect.parameters)
+                if beside and is_placed and effect.two_sided:
                     tasks.append(_with_other_sign(m.estimate, effect, beside.estimate))
         finished = [e for e in run_all(self.simulate, tasks) if e]
-        return fits.merge(run_all(self.simulate, [validate(e) for e in finished]))
+        return fits.merge(run_all(self.simulate, [*map(validate, finished)]))
 
     def free_shapes(self, fits: Fits) -> list[CrossValidatedFit]:
         """Best models refitted with free shape parameters, if that gains significantly.
@@ -184,14 +183,14 @@ class Search:
         near_best = fits.near_best(len(fits.best.effects))
         plain = [m for m in near_best if any(e.shape_parameters for e in m.effects)]
         ends = run_all(self.simulate, [_with_free_shape(m.estimate) for m in plain])
-        validated = run_all(self.simulate, [validate(e) for e in ends])
-        pairs = zip(validated, plain, strict=True)
+        validated = run_all(self.simulate, [*map(validate, ends)])
+        likelihood = fits.likelihood
         least = BUDGET.shape_gain * MIN_GAIN
         return [
             free
-            for free, fixed in pairs
-            if gain(free, fixed, fits.likelihood) > least
-            and likelihood_ratio_p(free, fixed, fits.likelihood) < ALPHA
+            for free, fixed in zip(validated, plain, strict=True)
+            if gain(free, fixed, likelihood) > least
+            and likelihood_ratio_p(free, fixed, likelihood) < ALPHA
         ]
 
     def _with_shape_parameters(self, fits: Fits) -> list[Candidate]:
@@ -228,13 +227,15 @@ class Search:
 
 
 def _few_steps(
-    model: Model, evidence: Evidence, points: Sequence[Start]
+    model: Model,
+    runs: Sequence[FitRun],
+    points: Sequence[Start],
+    steps: int = BUDGET.first_steps,
 ) -> Task[list[FitEstimate]]:
-    """Estimates after the first few steps from each of `points`; yields simulation
+    """Estimates after the first few `steps` from each of `points`; yields simulation
     requests.
     """
-    steps = BUDGET.first_steps
-    return side_by_side([refit(model, evidence, *p, ROUGH_GAIN, steps) for p in points])
+    return side_by_side([refit(model, runs, *p, ROUGH_GAIN, steps) for p in points])
 
 
 def _gain_over(base: FitEstimate, estimate: FitEstimate, scale: float) -> float:
@@ -248,9 +249,8 @@ def _finish(first: FitEstimate, *, promising: bool) -> Task[FitEstimate]:
     """
     if not promising:
         return first
-    evidence = first.evidence
     finished = yield from refit(
-        first.model, evidence, first.point, first.jacobians, ROUGH_GAIN
+        first.model, first.runs, first.point, first.jacobians, ROUGH_GAIN
     )
     return best([first, finished])
 
@@ -266,8 +266,8 @@ def _best_short_fit(
 
     None where it is no better than `incumbent`, an earlier fit of the same model.
     """
-    evidence = base.evidence
-    estimates = yield from _few_steps(model, evidence, points)
+    runs = base.runs
+    estimates = yield from _few_steps(model, runs, points)
     promising = _nearly_best(base, estimates, incumbent or base)
     if not incumbent:
         promising = promising or [best(estimates)]
@@ -275,13 +275,8 @@ def _best_short_fit(
         return None
     if incumbent or len(promising) > 1:
         more = BUDGET.short_steps - BUDGET.first_steps
-        continued = yield from side_by_side(
-            [
-                refit(model, evidence, e.point, e.jacobians, ROUGH_GAIN, more)
-                for e in promising
-            ]
-        )
-        promising = [*promising, *continued]
+        points = [(e.point, e.jacobians) for e in promising]
+        promising += yield from _few_steps(model, runs, points, more)
     if incumbent and best([incumbent, *promising]) is incumbent:
         return None
     return best(promising)
@@ -332,17 +327,18 @@ def _with_other_sign(
     place, or where the fit comes no farther; yields simulations.
     """
     probed = yield from run_probes(beside, effect)
-    score = next(
-        iter(ranked_singles(probe_equations(projection(beside), [probed]))), None
-    )
+    name = effect.name
+    null = effect.null
     shared, others = beside.values
-    fitted = fit.values[1][effect.name]
+    _, fitted = fit.values
+    side = fitted[name][0] - null[0]
     starts: list[Start] = []
-    for start in (score.start, score.opposite_sign) if score else ():
-        values = (start or {}).get(effect.name, effect.null)
-        if (values[0] - effect.null[0]) * (fitted[0] - effect.null[0]) < 0.0:
-            joint = fit.model.join(shared, {**others, effect.name: values})
-            starts.append((Point(joint, beside.local), None))
+    for score in ranked_singles(probe_equations(projection(beside), [probed])):
+        for start in (score.start, score.opposite_sign or {}):
+            values = start.get(name, null)
+            if (values[0] - null[0]) * side < 0.0:
+                joint = fit.model.join(shared, {**others, name: values})
+                starts.append((Point(joint, beside.local), None))
     if not starts:
         return None
     started = yield from _best_short_fit(beside, fit.model, starts, fit)
@@ -359,8 +355,9 @@ def _with_free_shape(fit: FitEstimate) -> Task[FitEstimate]:
     shared, fixed = fit.values
     values = {}
     for e in model.effects:
+        known = fixed[e.name]
         off_start = np.array([BUDGET.shape_start * p.spread for p in e.parameters])
-        off_start[: len(fixed[e.name])] = 0.0
-        values[e.name] = e.complete(fixed[e.name]) + off_start
+        off_start[: len(known)] = 0.0
+        values[e.name] = e.complete(known) + off_start
     start = Point(model.join(shared, values), fit.local)
-    return (yield from refit(model, fit.evidence, start))
+    return (yield from refit(model, fit.runs, start))

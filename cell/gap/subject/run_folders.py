@@ -1,8 +1,8 @@
 """Finds folders of measured runs, and leaves out copies."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,7 @@ TIME_ROUNDING = 1e-3  # s
 Numbers = Mapping[tuple[str, str], Array]
 
 
-@dataclass(frozen=True, slots=True)
-class RunFolder:
+class RunFolder(NamedTuple):
     """Folder of a measured run, with a name that is unique among the runs found
     together.
     """
@@ -54,12 +53,9 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
         _check_heads([path, *path.glob("*")])
         inner = runs_in(path)
         if not inner:
-            what = (
-                f"holds no run, a run folder holds a {RUN}"
-                if path.is_dir()
-                else "is a file"
-            )
-            what = what if path.exists() else "no such folder"
+            what = "is a file" if path.exists() else "no such folder"
+            if path.is_dir():
+                what = f"holds no run, a run folder holds a {RUN}"
             raise ConfigurationError(
                 f"{path}: {what}; give run folders, or a folder of them"
             )
@@ -86,14 +82,15 @@ def _names(folders: Sequence[Path]) -> list[str]:
     if len(set(short)) == len(short):
         return short
     parents = [f.parents[1] if f.parent.name == "runs" else f.parent for f in folders]
-    long = [_utf8(f"{p.name}/{f.name}") for p, f in zip(parents, folders, strict=True)]
-    for i, name in enumerate(long):
-        if name in long[:i]:
+    found: dict[str, Path] = {}
+    for parent, folder in zip(parents, folders, strict=True):
+        name = _utf8(f"{parent.name}/{folder.name}")
+        if name in found:
             raise ConfigurationError(
-                f"{folders[i]}: has the name of {folders[long.index(name)]}; rename one"
-                " of them"
+                f"{folder}: has the name of {found[name]}; rename one of them"
             )
-    return long
+        found[name] = folder
+    return [*found]
 
 
 def _utf8(name: str) -> str:
@@ -170,28 +167,27 @@ def _numbers(run: RunFolder) -> Numbers:
     Empty for a run that cannot be read: no other equals it, and where it is read the
     error is said.
     """
-    try:
-        tables = {
-            n: read_table(run.path / n) for n in TABLES if (run.path / n).is_file()
-        }
-    except ConfigurationError:
-        return {}
-    found = {
-        (n, key): values[np.isfinite(values)]
-        for n in tables
-        for key, values in tables[n].items()
-    }
-    return {key: values for key, values in found.items() if len(values)}
+    found: dict[tuple[str, str], Array] = {}
+    for name in TABLES:
+        path = run.path / name
+        try:
+            table = read_table(path) if path.is_file() else {}
+        except ConfigurationError:
+            return {}
+        for key, values in table.items():
+            known = np.isfinite(values)
+            if known.any():
+                found[name, key] = values[known]
+    return found
 
 
 def _are_same(one: Numbers, other: Numbers) -> bool:
     """Whether all columns that two runs share agree within the rounding of units and
     decimals.
     """
-    shared = one.keys() & other.keys()
+    shared = {key: (one[key], other[key]) for key in one.keys() & other.keys()}
     return any(key != "t" for _, key in shared) and all(
-        len(one[key]) == len(other[key])
-        and np.abs(one[key] - other[key]).max()
-        <= (TIME_ROUNDING if key[1] == "t" else ROUNDING)
-        for key in shared
+        len(a) == len(b)
+        and np.abs(a - b).max() <= (TIME_ROUNDING if key == "t" else ROUNDING)
+        for (_, key), (a, b) in shared.items()
     )

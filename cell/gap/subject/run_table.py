@@ -4,6 +4,7 @@ What cannot be used at all is refused as it is read; what costs accuracy is a fi
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -66,8 +67,7 @@ def column(table: Mapping[str, Array], name: str, path: Path) -> Array:
             f"{path}: {name}: this column is missing (or not numbers); add it"
         )
     values = table[name]
-    if not np.isfinite(values).all():
-        row = np.argmin(np.isfinite(values))
+    for row in np.flatnonzero(~np.isfinite(values))[:1]:
         raise ConfigurationError(
             f"{path}: {name}: row {row} is not a number; every row must be one"
         )
@@ -88,7 +88,8 @@ def clock_of(table: Mapping[str, Array], path: Path, least: int) -> Array:
         )
     check_order(t, str(path))
     steps = np.diff(t)
-    longest, usual = steps.max(), np.median(steps)
+    longest = steps.max()
+    usual = np.median(steps)
     if longest > JUMP * usual:
         raise ConfigurationError(
             f"{path}: t: jumps by {longest:g} s at row {np.argmax(steps) + 1}"
@@ -107,8 +108,8 @@ def clock(t: Array) -> Iterator[Finding]:
     gap = f"the rows are missing, the longest gap {steps[worst]:.2g} s at"
     remedy = "record on a machine that keeps up, or leave the run out"
     yield from _lost("samples", t, LOST_ROWS, f"{gap} {t[worst]:.2f} s", remedy)
-    low, high = np.quantile(steps, [0.25, 0.75])
-    if high - low > UNEVEN * np.median(steps):
+    low, usual, high = np.quantile(steps, [0.25, 0.5, 0.75])
+    if high - low > UNEVEN * usual:
         yield Finding(
             what="clock",
             words=(
@@ -140,13 +141,13 @@ def _lost(
     """
     steps = np.diff(t)
     missing = np.round(np.maximum(steps / np.median(steps) - 1.0, 0.0)).sum()
-    lost = missing / (missing + len(t))
-    if lost > limits[0]:
+    lost, (noted, most) = missing / (missing + len(t)), limits
+    if lost > noted:
         yield Finding(
             what=f"lost {what}",
             words=f"{percent(lost)} of {words}",
             remedy=remedy,
-            level="bad" if lost > limits[1] else "fair",
+            level="bad" if lost > most else "fair",
         )
 
 
@@ -182,10 +183,9 @@ def stuck_reading(
     still = [*_still(value)]
     long = [(a, b) for a, b in still if t[b] - t[a] > STUCK]
     if command is None:
-        within = sum(b - a for a, b in long)
-        repeated = sum(b - a for a, b in still) - within
+        within, repeated = (sum(b - a for a, b in spans) for spans in (long, still))
         why = "and changes in every row elsewhere"
-        if repeated >= REPEATED * (len(t) - 1 - within):
+        if repeated - within >= REPEATED * (len(t) - 1 - within):
             return
         limits = np.nanmin(value), np.nanmax(value)
         long = [(a, b) for a, b in long if value[a] not in limits]
@@ -230,10 +230,8 @@ def _moving(spans: Sequence[tuple[int, int]], command: Array) -> list[tuple[int,
 
 def _still(value: Array) -> Iterator[tuple[int, int]]:
     """Yield first and last row of every stretch in which a column (n,) is constant."""
-    edges = np.flatnonzero(np.diff(value) != 0.0)
-    first = np.concatenate([[0], edges + 1])
-    last = np.concatenate([edges, [len(value) - 1]])
-    return ((a, b) for a, b in zip(first, last, strict=True) if b > a)
+    edges = np.flatnonzero(np.diff(value, prepend=np.nan, append=np.nan) != 0.0)
+    return ((a, b - 1) for a, b in pairwise(edges.tolist()) if b - 1 > a)
 
 
 def complaints(tables: Mapping[str, Mapping[str, Array]]) -> Iterator[Finding]:
@@ -264,19 +262,22 @@ def unwrapped(t: Array, values: Array, origin: str) -> tuple[Array, list[int]]:
     from scipy.ndimage import median_filter  # strips do without
 
     rows = np.flatnonzero(np.isfinite(values))
-    _check_angles(t[rows], values[rows], origin)
-    spans, steps = np.diff(t[rows]), np.diff(values[rows])
+    known = t[rows], values[rows]
+    _check_angles(*known, origin)
+    spans, steps = np.diff(known)
     turns = np.round(steps / TURN)
     rates = (steps - TURN * turns) / spans
     about = median_filter(rates, NEIGHBOURS, mode="nearest")
     usual = median_filter(np.abs(rates), NEIGHBOURS, mode="nearest")
     step = np.median(spans)
+    later = rows[1:]
     leaps = np.abs(rates - about) * np.minimum(spans, step)
     beyond = leaps > np.maximum(LEAP, LEAPS * usual * step)
     if beyond.any():
         leap = np.argmax(beyond)
-        row, changed = rows[leap + 1], np.flatnonzero(steps[:leap])
-        since = rows[changed[-1] + 1] if len(changed) else 0
+        row = later[leap]
+        changed = later[:leap][steps[:leap] != 0.0]
+        since = max(changed, default=0)
         stands = row - since > NEIGHBOURS
         stood = f"stands still from row {since} on and " if stands else ""
         raise ConfigurationError(
@@ -285,8 +286,8 @@ def unwrapped(t: Array, values: Array, origin: str) -> tuple[Array, list[int]]:
             " reading there, or leave the run out"
         )
     found = values.copy()
-    found[rows[1:]] -= TURN * np.cumsum(turns)
-    return (found if turns.any() else values), rows[1:][turns != 0.0].tolist()
+    found[later] -= TURN * np.cumsum(turns)
+    return (found if turns.any() else values), later[turns != 0.0].tolist()
 
 
 def _check_angles(t: Array, x: Array, origin: str) -> None:

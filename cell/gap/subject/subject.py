@@ -4,10 +4,10 @@ simulation.
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from shlex import quote
-from typing import Any, Literal, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,8 +132,7 @@ def starts(parameters: Iterable[Parameter]) -> Array:
     return np.array([p.start for p in parameters])
 
 
-@dataclass(frozen=True, slots=True)
-class Series:
+class Series(NamedTuple):
     """Samples of one time series: fields as of `Samples`, each with an entry per
     sample, or one value for all of them.
     """
@@ -161,9 +160,9 @@ class Samples:
     """
 
     channel: Words
+    quantity: Words
     phase: Words
     zone: Words
-    quantity: Words
     t: Array
     noise: Array
     reading: Array
@@ -173,18 +172,16 @@ class Samples:
     @classmethod
     def stack(cls, series: Sequence[Series]) -> "Samples":
         """Samples of several time `series` one after another."""
+        whole = [np.broadcast_arrays(*each) for each in series]
+        stacked = [np.concatenate(rows) for rows in zip(*whole, strict=True)]
         counts = [len(each.t) for each in series]
+        columns = dict(zip(Series._fields, stacked, strict=True))
+        return cls(**columns, series=np.repeat(np.arange(len(series)), counts))
 
-        def stacked(name: str) -> Any:
-            pairs = zip(series, counts, strict=True)
-            return np.concatenate(
-                [np.broadcast_to(getattr(each, name), n) for each, n in pairs]
-            )
-
-        return cls(
-            **{field.name: stacked(field.name) for field in fields(Series)},
-            series=np.repeat(np.arange(len(series)), counts),
-        )
+    @property
+    def scale(self) -> Array:
+        """Standard deviation (n,) of each sample: noise and floor in quadrature."""
+        return np.hypot(self.noise, self.floor)
 
     def __len__(self) -> int:
         return len(self.t)
@@ -228,8 +225,7 @@ class SimulationRequest:
     response: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Residuals:
+class Residuals(NamedTuple):
     """Measured minus simulated `mean` (n,) of each sample [SI], NaN where nothing is
     simulated.
 
@@ -241,8 +237,7 @@ class Residuals:
     square: Array
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
+class Quantity(NamedTuple):
     """Display of a measured quantity's residuals: verdict key, factor from SI, unit.
 
     Without a key it is fitted like any other, and its gap is part of the excess only.
@@ -257,8 +252,7 @@ class Quantity:
     tolerance: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Experiment:
+class Experiment(NamedTuple):
     """Run that could be made next, with an instruction for the operator and its
     duration [min].
     """
@@ -292,7 +286,8 @@ class ScatterSource:
         """Random unknown of a run for this quantity, with the `usual` spread as its
         prior.
         """
-        most = FARTHEST * self.usual
+        usual = self.usual
+        most = FARTHEST * usual
         return Parameter(
             self.name,
             self.unit,
@@ -300,7 +295,7 @@ class ScatterSource:
             -most,
             most,
             self.step,
-            self.usual,
+            usual,
             random=True,
             common=self.common,
         )
@@ -351,8 +346,7 @@ class Scope:
         return replace(self, candidates=kept, withheld=tuple(names))
 
 
-@dataclass(frozen=True, slots=True)
-class Curve:
+class Curve(NamedTuple):
     """Moving curve: at each of the times `t` (m,) [s] its `points` (k, 2) in x and z
     [m].
     """
@@ -361,8 +355,7 @@ class Curve:
     points: tuple[Array, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Track:
+class Track(NamedTuple):
     """Moving point: its positions `places` (m, 2) in x and z [m] at the times `t` (m,)
     [s].
     """
@@ -371,8 +364,7 @@ class Track:
     places: Array
 
 
-@dataclass(frozen=True, slots=True)
-class TimeSeries:
+class TimeSeries(NamedTuple):
     """Time series to plot: `values` (m,) at times `t` (m,) [s]; equal titles share a
     plot.
     """

@@ -9,9 +9,8 @@ import hashlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -76,8 +75,7 @@ class Patch(Recorded):
     twin: dict[str, dict[str, Any]] = Field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class AcceptResult:
+class AcceptResult(NamedTuple):
     """Files that an acceptance or undo has written, and the effects or values
     concerned.
     """
@@ -86,8 +84,7 @@ class AcceptResult:
     effects: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
+class Change(NamedTuple):
     """Change of the file at `path` from the text `old` to `new`, either may be
     ABSENT.
     """
@@ -95,6 +92,11 @@ class Change:
     path: Path
     old: str
     new: str
+
+    @property
+    def is_made(self) -> bool:
+        """Whether the file has the text `new`."""
+        return _text_at(self.path) == self.new
 
     def check(self) -> None:
         """Raise ConfigurationError unless the file still has the text `old`."""
@@ -132,7 +134,7 @@ def accept(
         try:
             _write_all(changes)
         except ConfigurationError:
-            if not any(_text_at(c.path) == c.new for c in changes):
+            if not any(change.is_made for change in changes):
                 with suppress(ConfigurationError):  # else the next command does it
                     _store(file, _acceptances(file)[:-1])
             raise
@@ -158,11 +160,11 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> AcceptResult:
                 " undo that one first"
             )
         back, states = _way_back(last, file, cell_file)
-        for change, state in zip(back, states, strict=True):
-            if state == "changed":
-                raise ConfigurationError(
-                    f"{change.path}: has changed since the acceptance; edit it by hand"
-                )
+        if "changed" in states:
+            path = back[states.index("changed")].path
+            raise ConfigurationError(
+                f"{path}: has changed since the acceptance; edit it by hand"
+            )
         _check_writable(back)
         _write_all(back)
         _store(file, stored[:-1])
@@ -226,14 +228,14 @@ def _changes(
         changes.insert(0, Change(model, _text_at(model), made))
 
     if offered.cell:
+        of_cell = out / offered.cell
         if not cell_file:
             raise ConfigurationError(
-                f"{out / offered.cell}: holds effects of the cell; name the cell file"
-                " to put them in"
+                f"{of_cell}: holds effects of the cell; name the cell file to put them"
+                " in"
             )
         text = read_text(cell_file)
-        merged = _with_cell(text, cell_file, out / offered.cell)
-        changes.append(Change(cell_file, text, merged))
+        changes.append(Change(cell_file, text, _with_cell(text, cell_file, of_cell)))
     return changes
 
 
@@ -349,8 +351,8 @@ def _write_all(changes: Sequence[Change]) -> None:
     try:
         _write(changes)
     except ConfigurationError:
-        done = [c for c in changes if _text_at(c.path) == c.new]
-        _write([Change(c.path, c.new, c.old) for c in done])
+        done = [change for change in changes if change.is_made]
+        _write([Change(path, new, old) for path, old, new in done])
         raise
 
 
@@ -360,12 +362,13 @@ def _write(changes: Iterable[Change]) -> None:
     Raises ConfigurationError where somebody has changed one meanwhile.
     """
     for change in changes:
-        if change.new == ABSENT:
+        path, _, new = change
+        if new == ABSENT:
             change.check()
-            change.path.unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
         else:
-            with writing(change.path):
-                replace_file(change.path, _encoded(change.new), change.check)
+            with writing(path):
+                replace_file(path, _encoded(new), change.check)
 
 
 def _text_at(path: Path) -> str:
@@ -391,16 +394,16 @@ def _check_patch(patch: Path) -> None:
 def _with_cell(text: str, path: Path, patch: Path) -> str:
     """The cell file's `text` with the effects and settings of `patch` merged in."""
     added = load(patch, Patch, bare=True)
-    check_effects(added.effects, origin=str(patch), of=["cell"])
+    effects = added.effects
+    check_effects(effects, origin=str(patch), of=["cell"])
     content = parse_yaml(text, str(path))
     _check_cell(content, path)
-    merged = {**content, "effects": {**(content.get("effects") or {}), **added.effects}}
+    merged = content | {"effects": (content.get("effects") or {}) | effects}
     for key, parts in (("fci", added.fci), ("twin", added.twin)):
-        if parts:
-            old: dict[str, Any] = content.get(key) or {}
-            merged[key] = old | {
-                k: (old.get(k) or {}) | part for k, part in parts.items()
-            }
+        old: dict[str, Any] = content.get(key) or {}
+        new = {k: (old.get(k) or {}) | part for k, part in parts.items()}
+        if new:
+            merged[key] = old | new
     _check_cell(merged, path)
     return edit_yaml(text, merged)
 

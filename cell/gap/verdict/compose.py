@@ -6,7 +6,7 @@ import numpy as np
 from scipy import special
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.diagnosis.lack_of_fit import can_be_ordered
+from cell.gap.diagnosis.lack_of_fit import Bin, can_be_ordered
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
@@ -41,7 +41,8 @@ HUGE = 1e12  # stands for an infinite value, which JSON cannot hold
 
 def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
     """Verdict document of an investigation, from its findings."""
-    decision, tests = findings.decision, findings.model_tests
+    decision = findings.decision
+    tests = findings.model_tests
     values = intervals(tests.sized, findings.likelihood.inefficiency, tests.scatter)
     effects = [
         NamedEffect(
@@ -59,13 +60,8 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
         effects=[e for e in effects if e.name in decision.named],
         ambiguous=[] if is_sound else [[*group] for group in tests.classes],
         unexplained=_unexplained(findings),
-        base={
-            n: Interval(**v.model_dump(exclude={"unit"}))
-            for n, v in values["base"].items()
-        },
-        where=[place for place in findings.places if place.p < SIGNIFICANT][
-            :MOST_PLACES
-        ],
+        base=values["base"],
+        where=significant(findings.places)[:MOST_PLACES],
         gap=_gap(findings),
         candidates=_candidates(findings),
         advice=[
@@ -104,13 +100,19 @@ def intervals(
     }
 
 
+def significant(places: Sequence[Bin]) -> list[Bin]:
+    """Those of `places` whose residuals are beyond noise."""
+    return [place for place in places if place.p < SIGNIFICANT]
+
+
 def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
     """Estimate of `p` with its interval of half-width `half`, cut at bounds, in file
     units.
     """
-    ends = [max(p.low, value - half), min(p.high, value + half)]
-    stated = sorted(p.stated_value(v) for v in ends)
-    low, high = (v if np.isfinite(v) else None for v in stated)
+    ends = max(p.low, value - half), min(p.high, value + half)
+    low, high = (
+        v if np.isfinite(v) else None for v in sorted(map(p.stated_value, ends))
+    )
     middle = p.stated_value(value)
     return ValueWithUnit(
         value=middle if np.isfinite(middle) else HUGE, low=low, high=high, unit=p.unit
@@ -123,18 +125,22 @@ def _gap(findings: Findings) -> Gap:
     """
     held_out = findings.held_out_fits
     quantities = findings.quantities
-    before = held_out_gap.sizes(held_out.before, quantities)
-    after = held_out_gap.sizes(held_out.after, quantities)
-    floor = {**held_out_gap.floor(held_out.before.evidence, quantities), "excess": 0.0}
+    fits = (held_out.before, held_out.after)
+    shrink = held_out.shrink
+    before, after = (held_out_gap.sizes(fit, quantities) for fit in fits)
+    floor = held_out_gap.floor(held_out.before.runs, quantities) | {"excess": 0.0}
     # a touch in all, or in none
     known = [key for key in floor if key in before and key in after]
+    before, after, floor = (
+        {key: sizes[key] for key in known} for sizes in (before, after, floor)
+    )
     return Gap(
-        before={key: before[key] for key in known},
-        after={key: after[key] for key in known},
-        floor={key: floor[key] for key in known},
-        shrink=held_out.shrink.value,
-        shrink_low=held_out.shrink.low,
-        shrink_high=held_out.shrink.high,
+        before=before,
+        after=after,
+        floor=floor,
+        shrink=shrink.value,
+        shrink_low=shrink.low,
+        shrink_high=shrink.high,
     )
 
 
@@ -142,14 +148,15 @@ def _unexplained(findings: Findings) -> Unexplained | None:
     """Unexplained residual, alone or beside named effects, for the verdict; None
     without any.
     """
-    which = findings.decision.kind
-    if which == "no_gap" or not (
-        which == "unexplained" or findings.model_tests.remains
-    ):
+    kind = findings.decision.kind
+    law = findings.law
+    remains = kind == "unexplained" or findings.model_tests.remains
+    if kind == "no_gap" or not remains:
         return None
-    law = findings.law.words if findings.law else "no sparse law found"
     return Unexplained(
-        description=describe_left(findings), law=law, stable=findings.law is not None
+        description=describe_left(findings),
+        law=law.words if law else "no sparse law found",
+        stable=law is not None,
     )
 
 
@@ -157,13 +164,14 @@ def _posterior(findings: Findings) -> Probable:
     """Posterior part of a verdict: probable sets of effects, and the evidence that
     decided.
     """
+    posterior = findings.posterior
     return Probable(
         **findings.decision.evidence.model_dump(),
         models=[
             ProbableSet(names=sorted(m.names), p=m.p)
-            for m in findings.posterior.models[:MOST_SETS]
+            for m in posterior.models[:MOST_SETS]
         ],
-        inclusion=findings.posterior.inclusion,
+        inclusion=posterior.inclusion,
         law=findings.law is not None,
     )
 
@@ -195,7 +203,8 @@ def _compare_with_base(
     """Row on a refitted `model`: its gain [nats] over the base, standard error, p and
     values.
     """
-    likelihood, effects = findings.likelihood, model.effects
+    likelihood = findings.likelihood
+    effects = model.effects
     by_run = gains(model, findings.fits.base, likelihood)
     error = np.sqrt(len(by_run)) * by_run.std(ddof=1) if len(by_run) > 1 else 0.0
     tests = findings.model_tests
@@ -221,17 +230,16 @@ def _compare_by_screen(
     """Row on a candidate that was not refitted, with its gain [nats] in the linear
     screen.
     """
-    start = score.start if score else {}
-    values = zip(
-        candidate.parameters, start.get(candidate.name, candidate.null), strict=True
-    )
+    name = candidate.name
+    score = score or Score((name,), 0.0, {})
+    start = score.start.get(name, candidate.null)
+    values = zip(candidate.parameters, start, strict=True)
     stated = [(p, p.stated_value(v)) for p, v in values]
-    gain = score.gain if score else 0.0
     return CandidateEntry(
-        name=candidate.name,
-        elpd_gain=gain / findings.likelihood.inefficiency,
+        name=name,
+        elpd_gain=score.gain / findings.likelihood.inefficiency,
         se=0.0,
-        p=findings.screen.p.get(candidate.name, 1.0),
+        p=findings.screen.p.get(name, 1.0),
         parameters={
             p.name: ValueWithUnit(value=value, low=None, high=None, unit=p.unit)
             for p, value in stated
@@ -252,11 +260,12 @@ def _untested(findings: Findings) -> Iterator[Untested]:
         yield Untested(what=name, why="withheld from the library")
     limits = findings.screen.detectable
     for effect in subject.scope.candidates:
-        limit = limits.get(effect.name)
+        name = effect.name
+        limit = limits.get(name)
         if limit is None:
-            yield Untested(what=effect.name, why="shows at no possible size")
+            yield Untested(what=name, why="shows at no possible size")
         elif not effect.is_usual(limit):
-            yield Untested(what=effect.name, why="shows beyond its usual size alone")
+            yield Untested(what=name, why="shows beyond its usual size alone")
 
 
 def _notes(findings: Findings) -> list[str]:
@@ -306,5 +315,6 @@ def _range_of(p: Parameter) -> tuple[float, float]:
     if p.tolerated:
         return p.tolerated
     reach = TOLERATED * p.spread
-    ends = p.stated_value(max(p.start - reach, p.low)), p.stated_value(p.start + reach)
-    return min(ends), max(ends)
+    ends = max(p.start - reach, p.low), p.start + reach
+    low, high = sorted(map(p.stated_value, ends))
+    return low, high

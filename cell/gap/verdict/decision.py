@@ -172,7 +172,8 @@ def _log_odds(results: FitResults, effect: str) -> float:
 def _common_evidence(results: FitResults) -> VerdictEvidence:
     """Evidence for or against the accepted model as a whole, of infinite log-odds."""
     runs, quantities = _gains(results)
-    fits = (results.accepted.estimate, results.held_out_fits.after)
+    accepted = results.accepted.estimate
+    fits = (accepted, results.held_out_fits.after)
     by_run = [held_out_gap.rms_by_run(fit, results.quantities) for fit in fits]
     typical_rms = float(np.median([rms for of_fit in by_run for rms in of_fit]))
     return VerdictEvidence(
@@ -183,7 +184,7 @@ def _common_evidence(results: FitResults) -> VerdictEvidence:
             _correlation(fit, [rms <= ASTRAY * typical_rms for rms in of_fit])
             for fit, of_fit in zip(fits, by_run, strict=True)
         ),
-        strain=max(map(abs, strains(results.accepted.estimate).values()), default=0.0),
+        strain=max(map(abs, strains(accepted).values()), default=0.0),
     )
 
 
@@ -201,26 +202,26 @@ def _gains(results: FitResults) -> tuple[list[float], list[float]]:
 
     It is of runs left out in turn as predicted from the others, and of held-out ones.
     """
-    base, accepted, unseen = results.base, results.accepted, results.held_out_fits
-    pairs = [
-        (base.estimate, base.left_out, accepted.estimate, accepted.left_out),
-        (unseen.before, unseen.before.residuals, unseen.after, unseen.after.residuals),
-    ]
     likelihood = results.likelihood
+    unseen = results.held_out_fits
+    left_out = [(m.estimate, m.left_out) for m in (results.base, results.accepted)]
+    held_out = [(fit, fit.residuals) for fit in (unseen.before, unseen.after)]
     by_run: list[float] = []
     by_quantity: dict[str, float] = defaultdict(float)
-    for before, base_residuals, after, residuals in pairs:
-        scales = zip(before.evidence.scales, after.evidence.scales, strict=True)
-        rows = zip(before.runs, base_residuals, residuals, scales, strict=True)
-        for run, r_before, r_after, (s_before, s_after) in rows:
-            unit = np.maximum(s_before, s_after) * likelihood.scale
-            loss = robust.bounded_loss(r_before * s_before / unit)
-            gain = loss - robust.bounded_loss(r_after * s_after / unit)
-            by_run.append(gain.sum() / likelihood.inefficiency)
-            for name in np.unique(run.samples.quantity):
-                part = gain[run.samples.quantity == name].sum()
-                by_quantity[str(name)] += part / likelihood.inefficiency
-    return by_run, list(by_quantity.values())
+    for (before, r_base), (after, r_accepted) in (left_out, held_out):
+        rows = zip(before.runs, after.runs, r_base, r_accepted, strict=True)
+        for run_before, run_after, r_before, r_after in rows:
+            quantity = run_before.samples.quantity
+            scale = run_before.samples.scale
+            scale_after = run_after.samples.scale
+            unit = np.maximum(scale, scale_after) * likelihood.scale
+            loss = robust.bounded_loss(r_before * scale / unit)
+            gain = loss - robust.bounded_loss(r_after * scale_after / unit)
+            gain /= likelihood.inefficiency
+            by_run.append(gain.sum())
+            for name in np.unique(quantity):
+                by_quantity[str(name)] += gain[quantity == name].sum()
+    return by_run, [*by_quantity.values()]
 
 
 def next_steps(
@@ -234,9 +235,12 @@ def next_steps(
     if (changed := origin.changed()) is not None:
         words = f"{changed} has changed while it was fitted: fit again"
         return [Step("repeat", "", words)]
-    fit = f"{quote(str(out))} {origin.option}"
-    accept, undo = f"cell gap accept {fit}", f"`cell gap undo {fit}` takes it back"
+    folder = quote(str(out))
+    fit = f"{folder} {origin.option}"
+    accept = f"cell gap accept {fit}"
+    undo = f"`cell gap undo {fit}` takes it back"
     rest = verdict.unexplained
+    suspected = verdict.suspected
     law = rest.law if rest and rest.stable else ""
     steps = []
 
@@ -252,14 +256,14 @@ def next_steps(
 
     if decision.kind == "ambiguous":
         words = "says which run would split what is alike"
-        steps.append(Step("advise", f"cell gap advise {quote(str(out))}", words))
-    if decision.kind == "unexplained" and (verdict.suspected or not law):
+        steps.append(Step("advise", f"cell gap advise {folder}", words))
+    if decision.kind == "unexplained" and (suspected or not law):
         words = f"{out / 'report.html'} shows where it sits, and what stands beside it"
         steps.append(Step("look", "", words))
 
-    if verdict.suspected and not verdict.effects and _may_be_forced(decision, verdict):
-        names = " + ".join(effect.name for effect in verdict.suspected)
-        least = min(effect.confidence for effect in verdict.suspected)
+    if suspected and not verdict.effects and _may_be_forced(decision, verdict):
+        names = " + ".join(effect.name for effect in suspected)
+        least = min(effect.confidence for effect in suspected)
         probable = f"{percent(least)} probable"
         words = f"takes all the same what is suspected, not named: {names}, {probable}"
         steps.append(Step("accept_suspected", f"{accept} --force", words))
@@ -323,29 +327,26 @@ def _strained(fit: FitEstimate) -> list[str]:
 
 def _cosine(a: Array, b: Array) -> float:
     """Cosine of the angle between vectors (n,); 0 where one of them vanishes."""
-    return float(
-        a @ b / max(np.linalg.norm(a) * np.linalg.norm(b), np.finfo(float).tiny)
-    )
+    size = np.linalg.norm(a) * np.linalg.norm(b)
+    return float(a @ b / (size or 1.0))
 
 
 def reasons(findings: Findings) -> list[str]:
     """Sentences on why accepted effects are not named, or the residual stays
     unexplained.
     """
+    decision = findings.decision
     repeats = findings.model_tests.repeats
     fit = findings.accepted.estimate
-    words = []
-    for effect in fit.effects:
-        p = findings.decision.probabilities[effect.name]
-        if p < LEAST:
-            words.append(
-                f"{effect.name} is right with probability {p:.2f} (named from"
-                f" {LEAST:g})"
-            )
+    words = [
+        f"{name} is right with probability {p:.2f} (named from {LEAST:g})"
+        for name, p in decision.probabilities.items()
+        if p < LEAST
+    ]
     words += [
         f"{name} lies at the end of the range that is tried:"
         f" {plain(', '.join(amounts))}"
-        for name, amounts in findings.decision.at_ends.items()
+        for name, amounts in decision.at_ends.items()
     ]
     words += [
         f"{' and '.join(sorted(two))} displace equally or cancel, as if one other thing"
@@ -358,8 +359,7 @@ def reasons(findings: Findings) -> list[str]:
         f"{effect.name} has a shape by which it stands in for another law"
         for effect in fit.proxies
     ]
-    if findings.decision.failure:
-        words.append(findings.decision.failure)
+    words += filter(None, [decision.failure])
     by_run = held_out_gap.rms_by_run(fit, findings.quantities)
     rms, run = max(zip(by_run, (r.name for r in fit.runs), strict=True))
     if rms > ASTRAY * float(np.median(by_run)):
@@ -380,12 +380,12 @@ def describe_left(findings: Findings) -> str:
     """
     quantities = findings.quantities
     after = held_out_gap.sizes(findings.held_out_fits.after, quantities)
-    noise = held_out_gap.floor(findings.held_out_fits.before.evidence, quantities)
+    noise = held_out_gap.floor(findings.held_out_fits.before.runs, quantities)
+    units = {q.key: q.unit for q in quantities.values()}
     sizes = ", ".join(
-        f"{after[q.key]:.3g} {q.unit} of {q.key.rsplit('_', 1)[0]} (noise"
-        f" {noise[q.key]:.2g})"
-        for q in quantities.values()
-        if q.key in after
+        f"{after[key]:.3g} {unit} of {key.rsplit('_', 1)[0]} (noise {noise[key]:.2g})"
+        for key, unit in units.items()
+        if key in after
     )
     accepted = findings.accepted.model
     model = (

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Self
+from typing import NamedTuple, Self
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import Bin, Repeats, stronger_of_two
@@ -49,8 +49,7 @@ class BaseFit:
         return seen or self.repeats.drifts or self.repeats.differ
 
 
-@dataclass(frozen=True, slots=True)
-class Screen:
+class Screen(NamedTuple):
     """Results of the linear screen: probe responses of candidate effects, predicted
     gains.
 
@@ -68,8 +67,7 @@ class Screen:
     library: dict[str, Array]
 
 
-@dataclass(frozen=True, slots=True)
-class ModelTests:
+class ModelTests(NamedTuple):
     """Tests that may cast doubt on the accepted model.
 
     `misfit` is the p-value of its residuals under noise; `repeats` are compared in its
@@ -170,8 +168,7 @@ class FitResults:
         return [e for e in self.accepted.effects if e.name not in doubtful]
 
 
-@dataclass(frozen=True, slots=True)
-class DecidedVerdict:
+class DecidedVerdict(NamedTuple):
     """Decided verdict on the accepted model, and what it rests on.
 
     `named` are the credible effects that the runs tell apart from all others, and

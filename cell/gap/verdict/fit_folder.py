@@ -102,14 +102,15 @@ def results_folder(out: Path) -> Iterator[Path]:
     or holds files that no fit wrote at the places of results.
     """
     is_new = not out.exists()
-    with writing(out, "give a folder that can be written"):
+    advice = "give a folder that can be written"
+    with writing(out, advice):
         out.mkdir(parents=True, exist_ok=True)
     with lock_folders([out]):
         _complete_move(out)
         _check_own(out, _known_records(out))
         stage = out / STAGE
         try:
-            with writing(out, "give a folder that can be written"):
+            with writing(out, advice):
                 shutil.rmtree(stage, ignore_errors=True)
                 stage.mkdir()
             yield stage
@@ -144,9 +145,10 @@ def _complete_move(out: Path) -> None:
     changed one of them, or has put another file at its place.
     """
     stage = out / STAGE
-    if not (stage / RECORD).is_file():
+    mark = stage / RECORD
+    if not mark.is_file():
         return
-    new = _read(stage / RECORD)
+    new = _read(mark)
     earlier = _known_records(out)
     _check_own(out, [new, *earlier])
     with writing(out):
@@ -154,7 +156,7 @@ def _complete_move(out: Path) -> None:
             if name not in new.results:
                 (out / name).unlink(missing_ok=True)
         for name in (*new.results, RECORD):
-            if (stage / name).is_file():  # else it was moved before a fit was killed
+            with suppress(FileNotFoundError):  # it was moved before a fit was killed
                 (stage / name).replace(out / name)
         sync_folder(out)
         stage.rmdir()
@@ -170,11 +172,12 @@ def read_record(out: Path) -> FitRecord:
     record = _read(out / RECORD)
     patches = [name for files in record.patches.values() for name in files.names]
     for name in (VERDICT, *patches):
-        if not (out / name).is_file():
-            raise ConfigurationError(f"{out / name}: is missing; fit again")
-        if file_digest(out / name) != record.results.get(name):
+        path = out / name
+        if not path.is_file():
+            raise ConfigurationError(f"{path}: is missing; fit again")
+        if file_digest(path) != record.results.get(name):
             raise ConfigurationError(
-                f"{out / name}: has changed since the fit wrote it; fit again"
+                f"{path}: has changed since the fit wrote it; fit again"
             )
     return record
 
@@ -194,7 +197,8 @@ def _read(path: Path) -> FitRecord:
 
 
 def _known_records(out: Path) -> list[FitRecord]:
-    return [_read(out / RECORD)] if (out / RECORD).exists() else []
+    record = out / RECORD
+    return [_read(record)] if record.exists() else []
 
 
 def _check_own(out: Path, records: Sequence[FitRecord]) -> None:

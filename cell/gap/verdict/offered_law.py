@@ -1,7 +1,8 @@
 """Empirical law of residuals that no effect accounts for, tested on held-out runs."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +31,7 @@ SINGLES, PAIRS = 5, 3  # laws of one term and of two that are refitted
 STEADY = 0.7  # share of halves of the runs on which each term keeps its sign
 
 
-@dataclass(frozen=True, slots=True)
-class OfferedLaw:
+class OfferedLaw(NamedTuple):
     """Empirical law of residuals: terms with fitted amounts, a description and no
     cause.
 
@@ -61,12 +61,13 @@ def offered_law(
     if held_out_gap.excess_of(before) < LEAST_EXCESS:
         return None
     laws = _fit_laws(subject, simulate, replace(fits, models=(fits.base,)))
-    for law in needed_models(laws, posterior(laws, fits.likelihood)):
-        if _stable(law.estimate):
-            after = held_out_gap.fit_held_out(simulate, law.estimate, before.evidence)
+    needed = needed_models(laws, posterior(laws, fits.likelihood))
+    for law in (model.estimate for model in needed):
+        if _stable(law):
+            after = held_out_gap.fit_held_out(simulate, law, before.runs)
             closed = held_out_gap.shrink(before, after, rng).value
             if closed >= LEAST_CLOSED:
-                return _offer(law.estimate, closed)
+                return _offer(law, closed)
     return None
 
 
@@ -102,13 +103,11 @@ def _offer(fit: FitEstimate, shrink: float) -> OfferedLaw:
     residual.
     """
     values, terms = fit.values
-    base = {
-        p.name: p.stated_value(float(v))
-        for p, v in zip(fit.model.base, values, strict=True)
-    }
-    amounts = {e.name: float(terms[e.name][0]) for e in fit.effects}
+    pairs = zip(fit.model.base, values.tolist(), strict=True)
+    base = {p.name: p.stated_value(v) for p, v in pairs}
+    amounts = {name: float(amount) for name, (amount,) in terms.items()}
     words = " ".join(
-        f"{amounts[e.name]:+.3g} {e.parameters[0].unit} x {e.sentence}"
-        for e in fit.effects
+        f"{amount:+.3g} {e.parameters[0].unit} x {e.sentence}"
+        for e, amount in zip(fit.effects, amounts.values(), strict=True)
     )
     return OfferedLaw(base, amounts, words, shrink)

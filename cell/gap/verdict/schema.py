@@ -115,14 +115,15 @@ class Gap(VerdictPart):
 
         It names the quantities that grow beyond their noise.
         """
-        if not self.before["excess"]:
+        before = self.before
+        after = self.after
+        excess = before["excess"]
+        if not excess:
             return "held-out runs show no gap with the refitted file"
-        grown = [
-            k for k, v in self.floor.items() if self.after[k] > max(v, self.before[k])
-        ]
+        grown = [k for k, v in self.floor.items() if after[k] > max(v, before[k])]
         return (
-            f"beyond noise, held-out runs lie {self.before['excess']:.2g} sigma off"
-            f" with the refitted file, {self.after['excess']:.2g} sigma with what was"
+            f"beyond noise, held-out runs lie {excess:.2g} sigma off"
+            f" with the refitted file, {after['excess']:.2g} sigma with what was"
             " found" + (f"; but {', '.join(grown)} grow" if grown else "")
         )
 
@@ -273,11 +274,13 @@ class Verdict(VerdictPart):
 
         Where they show no gap, it says what else speaks for the name.
         """
-        if self.gap.before["excess"] or not self.posterior:
-            return self.gap.sentence()
+        gap = self.gap
+        sentence = gap.sentence()
+        if gap.before["excess"] or not self.posterior:
+            return sentence
         gained = f"{self.posterior.gain:.0f} nats"
         return (
-            f"{self.gap.sentence()}; the fitted ones do, and left out in turn they are"
+            f"{sentence}; the fitted ones do, and left out in turn they are"
             f" predicted better by {gained}"
         )
 
@@ -324,12 +327,13 @@ class Verdict(VerdictPart):
         """HTML for a notebook: what is missing, and bars of the held-out gap before and
         after.
         """
+        gap = self.gap
         rows = "".join(
             f"<tr><td>{escape(plain(key))}</td>"
             f"{_meter(was, now)}{_meter(now, was)}"
-            f"<td>{self.gap.floor.get(key, 0.0):.3g}</td></tr>"
-            for key, was in self.gap.before.items()
-            for now in (self.gap.after[key],)
+            f"<td>{gap.floor.get(key, 0.0):.3g}</td></tr>"
+            for key, was in gap.before.items()
+            for now in (gap.after[key],)
         )
         head = "<tr><th>rms</th><th>before</th><th>after</th><th>noise</th></tr>"
         return f"<pre>{escape(str(self))}</pre><table>{head}{rows}</table>"

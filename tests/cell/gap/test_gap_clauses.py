@@ -11,7 +11,7 @@ from scipy import stats
 
 from cell.gap.diagnosis.lack_of_fit import Bin
 from cell.gap.fitting.gauss_newton import FitEstimate
-from cell.gap.fitting.model import Model
+from cell.gap.fitting.model import Model, Point
 from cell.gap.selection import hold_out
 from cell.gap.selection.choice import choose, rivals
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
@@ -226,7 +226,7 @@ def quiet() -> Findings:
 
 def alike(found: Findings, *names: str) -> Findings:
     """Copy of `found` in which effects are of one class."""
-    return replace(found, model_tests=replace(found.model_tests, classes=(names,)))
+    return replace(found, model_tests=found.model_tests._replace(classes=(names,)))
 
 
 def test_what_shares_a_class_is_credible_and_not_named(one, two) -> None:
@@ -314,7 +314,7 @@ def test_an_amount_at_either_end_is_told_and_a_place_or_a_start_is_not(
     fit = one.accepted.estimate
     p = Parameter("size", "m", 0.0, low, 5.0, 1e-3, 1.0, role=role)
     effect = replace(fit.effects[0], parameters=(p,))
-    point = replace(fit.point, shared=np.array([*fit.shared[:2], value]))
+    point = Point(np.array([*fit.shared[:2], value]), fit.local)
     fit = replace(fit, model=Model(fit.model.base, (effect,)), point=point)
     accepted = replace(one.accepted, estimate=fit)
     ends = decide(replace(one, accepted=accepted)).at_ends
@@ -328,7 +328,7 @@ def predicted(found: Findings, *left: float | Array) -> DecidedVerdict:
     unseen, base = found.held_out_fits, found.base
     before = replace(unseen.before, residuals=[np.ones(60)] * len(left))
     after = replace(unseen.after, residuals=[n * np.ones(60) for n in left])
-    fit = replace(found.accepted.estimate, evidence=base.estimate.evidence)
+    fit = replace(found.accepted.estimate, runs=base.estimate.runs)
     accepted = replace(found.accepted, left_out=base.left_out, estimate=fit)
     fits = replace(unseen, before=before, after=after)
     return decide(replace(found, accepted=accepted, held_out_fits=fits))

@@ -6,7 +6,7 @@ import numpy as np
 
 from cell.gap.diagnosis.lack_of_fit import Repeats, ResidualTest, stronger_of_two
 from cell.gap.fitting.gauss_newton import FitEstimate
-from cell.gap.fitting.model import Evidence, Model, Point
+from cell.gap.fitting.model import Model, Point
 from cell.gap.subject.subject import FitRun, Samples, Series
 from drivers.base.types import Array
 
@@ -52,6 +52,6 @@ def _fitted(r: Array, direction: Array) -> FitEstimate:
 def _estimate(r: Array) -> FitEstimate:
     zones = np.repeat([f"zone {k}" for k in range(PLACES)], EACH)
     series = Series("profile", "profile", "lift", zones, FLAT, 1.0, 1.0, 0.0)
-    known = Evidence([FitRun("one", "slow", Samples.stack([series]))], [FLAT])
+    runs = [FitRun("one", "slow", Samples.stack([series]))]
     nowhere = Point(np.zeros(0), (np.zeros(0),))
-    return FitEstimate(Model(()), known, nowhere, (r,), (), (np.zeros((SIZE, 0)),), 1.0)
+    return FitEstimate(Model(()), runs, nowhere, (r,), (), (np.zeros((SIZE, 0)),), 1.0)

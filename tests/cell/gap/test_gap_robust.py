@@ -91,9 +91,11 @@ def test_what_the_grain_of_a_model_leaves_is_no_gap_and_it_is_fitted_by_its_own(
     subject = Grained(hidden(wave, 0.3))
     for rough in (fitted(subject), fitted(subject, ("wave",))):
         fine = refit_fine(
-            subject, subject.simulate, rough.model, rough.evidence, rough.point
+            subject, subject.simulate, rough.model, rough.runs, rough.point
         )
-        assert fine.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
+        assert fine.runs[0].samples.scale == pytest.approx(
+            np.hypot(subject.noise, GRAIN)
+        )
 
 
 class GrainedBeside(Grained):
@@ -108,7 +110,9 @@ def test_gaps_on_held_out_runs_are_compared_by_the_floors_of_both_models() -> No
     shown = judged(subject)[0].held_out_fits
     assert shown.after.model.names == {"wave"}
     for fit in (shown.before, shown.after):
-        assert fit.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
+        assert fit.runs[0].samples.scale == pytest.approx(
+            np.hypot(subject.noise, GRAIN)
+        )
 
 
 def test_a_model_that_leaves_more_of_unseen_runs_is_the_less_probable() -> None:

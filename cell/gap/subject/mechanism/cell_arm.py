@@ -38,9 +38,8 @@ class CellArm(InverseDynamics):
         """
         content, _ = super().patch(base, effects, source)
         found: dict[str, object] = {}
-        delay = effects.get("control_delay", {}).get(
-            "time", base.get("control_delay.time")
-        )
+        refitted = base.get("control_delay.time")
+        delay = effects.get("control_delay", {}).get("time", refitted)
         if delay is not None:
             found["twin"] = {"arm": {"robot_delay": round(delay, 4)}}
         if "payload" in effects:
@@ -52,9 +51,10 @@ class CellArm(InverseDynamics):
         tip.
         """
         model = self.mechanism.model
-        hand, (_, end) = model.body("hand").id, tip(model)
-        moment = model.body_mass[hand] * model.body_ipos[hand] + mass * end
-        whole = float(model.body_mass[hand]) + mass
+        hand, (_, end) = model.body("hand"), tip(model)
+        own = float(hand.mass[0])
+        whole = own + mass
+        moment = own * hand.ipos + mass * end
         centre = moment / whole - model.site("flange").pos
         return {"mass": round(whole, 4), "centre": centre.round(5).tolist()}
 
@@ -71,11 +71,11 @@ class CellArm(InverseDynamics):
                 [self._moved_by(name, ordered, run, base) for run in self.runs]
             )
             where = (
-                f"`cell gap accept` puts it into cell.yaml, {FIELDS[name]}"
-                if name in FIELDS
-                else "cell.yaml has no field for it: `cell gap accept` puts it into the"
+                "cell.yaml has no field for it: `cell gap accept` puts it into the"
                 " arm's model only"
             )
+            if name in FIELDS:
+                where = f"`cell gap accept` puts it into cell.yaml, {FIELDS[name]}"
             rms = np.sqrt(np.mean(moved**2))
             sentences += [
                 f"{name}: the gripper stands up to {1e3 * moved.max():.2f} mm (rms"
@@ -99,12 +99,15 @@ class CellArm(InverseDynamics):
         ]
         with_effect, without = self.predict(cases)
         torque, tracking = np.split(with_effect - without, [len(self._sensors)])
-        motion, t = cases[0].content.motion, cases[0].content.cut.t
-        readings = replace(readings_of([(library()[name], values)]), delay=0.0)
+        content = cases[0].content
+        model = self.mechanism.model
+        motion = content.motion
+        t = content.cut.t
+        readings = readings_of([(library()[name], values)])._replace(delay=0.0)
         true, *_ = true_motion(motion, readings)
         q, at = (interpolate_columns(t, motion.t, x) for x in (motion.q, true))
         at = at - torque.T / STIFFNESS + tracking.T
-        moved, stated = (case.edited(self.mechanism.model) for case in cases)
+        moved, stated = (case.edited(model) for case in cases)
         apart: Array = np.linalg.norm(_tips(stated, q) - _tips(moved, at), axis=1)
         return apart
 

@@ -60,13 +60,14 @@ class ClosedLoops:
     def __init__(
         self, model: Any, inputs: Sequence[int], compared: Sequence[int], origin: str
     ) -> None:
-        self._model, off = copy.copy(model), mujoco.mjtDisableBit
+        own = copy.copy(model)
+        off = mujoco.mjtDisableBit
         # only equalities add rows to the Jacobian of constraints
-        self._model.opt.disableflags = (
+        own.opt.disableflags = (
             off.mjDSBL_CONTACT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT
         )
-        self._model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        self._data = mujoco.MjData(self._model)
+        own.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        self._model, self._data = own, mujoco.MjData(own)
         perturbed = np.random.default_rng(0).normal(model.qpos0, PERTURBATION)
         jacobian, _ = self._jacobian(perturbed)
         motions = null_space(jacobian, RANK_TOLERANCE)
@@ -75,20 +76,20 @@ class ClosedLoops:
                 f"{origin}: model: its closed loops leave {count} degrees of freedom,"
                 f" and it has {model.nu} motors; as many are needed: add or remove some"
             )
-        driven: Array = np.any(transmissions(self._model, self._data), axis=0)
+        driven: Array = np.any(transmissions(own, self._data), axis=0)
         # first those with a motor, then others that are measured
         order = sorted(range(model.nv), key=lambda j: (j not in inputs, not driven[j]))
         leading: list[int] = []
         for joint in order:
             if np.linalg.matrix_rank(motions[[*leading, joint]]) > len(leading):
                 leading.append(joint)
-        self.independent = np.sort(leading)
-        self._dependent = np.setdiff1d(np.arange(model.nv), self.independent)
-        together = motions @ np.linalg.inv(motions[self.independent])
+        independent = self.independent = np.sort(leading)
+        self._dependent = np.setdiff1d(np.arange(model.nv), independent)
+        together = motions @ np.linalg.inv(motions[independent])
         moved = np.abs(together) > RANK_TOLERANCE
         with_compared = moved[list(compared)].any(axis=0)
         self.apart = ~moved[:, with_compared].any(axis=1)
-        self.stand = [j for j in self.independent if j not in inputs]
+        self.stand = [j for j in independent if j not in inputs]
         missing = [model.joint(j).name for j in self.stand if not self.apart[j]]
         if missing:
             raise ConfigurationError(
@@ -101,28 +102,29 @@ class ClosedLoops:
         """Jacobian (rows, n) and gaps (rows,) of the equalities at positions `q`
         (n,).
         """
-        self._data.qpos[:] = q
-        mujoco.mj_fwdPosition(self._model, self._data)
-        rows = self._data.nefc
-        return (
-            self._data.efc_J[: rows * len(q)].reshape(rows, -1),
-            self._data.efc_pos[:rows],
-        )
+        data = self._data
+        data.qpos[:] = q
+        mujoco.mj_fwdPosition(self._model, data)
+        rows = data.nefc
+        return data.efc_J[: rows * len(q)].reshape(rows, -1), data.efc_pos[:rows]
 
     def close(self, angles: Array) -> Array:
         """Positions (m, n) of all joints, loops closed, from independent ones at angles
         (m, k).
         """
-        q, found = np.array(self._model.qpos0), []
-        approach = np.linspace(q[self.independent], angles[0], APPROACH_STEPS)
+        q = np.array(self._model.qpos0)
+        found = []
+        independent = self.independent
+        dependent = self._dependent
+        approach = np.linspace(q[independent], angles[0], APPROACH_STEPS)
         for each in (*approach, *angles):
-            q[self.independent] = each
+            q[independent] = each
             for _ in range(NEWTON_STEPS):
                 jacobian, gap = self._jacobian(q)
                 if np.abs(gap).max() < GAP_TOLERANCE:
                     break
-                inverse = np.linalg.pinv(jacobian[:, self._dependent], RANK_TOLERANCE)
-                q[self._dependent] -= inverse @ gap
+                inverse = np.linalg.pinv(jacobian[:, dependent], RANK_TOLERANCE)
+                q[dependent] -= inverse @ gap
             found.append(q.copy())
         return np.array(found[APPROACH_STEPS:])
 
@@ -134,13 +136,18 @@ class ClosedLoops:
         by those of the independent ones (m, n, k), and whether the motors move the loop
         there (m,).
         """
-        forces, motions, movable = [], [], []
+        forces = []
+        motions = []
+        movable = []
+        independent = self.independent
+        dependent = self._dependent
+        free = np.eye(len(independent))
         for row in q:
             jacobian, gap = self._jacobian(row)
-            allowed = np.zeros((len(row), len(self.independent)))
-            allowed[self.independent] = np.eye(len(self.independent))
-            inner = np.linalg.pinv(jacobian[:, self._dependent], RANK_TOLERANCE)
-            allowed[self._dependent] = -inner @ jacobian[:, self.independent]
+            allowed = np.zeros((len(row), len(free)))
+            allowed[independent] = free
+            inner = np.linalg.pinv(jacobian[:, dependent], RANK_TOLERANCE)
+            allowed[dependent] = -inner @ jacobian[:, independent]
             driven = allowed.T @ transmissions(self._model, self._data).T
             forces.append(np.linalg.pinv(driven, RANK_TOLERANCE) @ allowed.T)
             motions.append(allowed)
@@ -152,6 +159,5 @@ class ClosedLoops:
         """Root mean square [m or rad] by which positions `q` (m, n) leave the loops
         open.
         """
-        return float(
-            np.sqrt(np.mean([np.sum(self._jacobian(row)[1] ** 2) for row in q]))
-        )
+        gaps = [self._jacobian(row)[1] for row in q]
+        return float(np.sqrt(np.mean([gap @ gap for gap in gaps])))

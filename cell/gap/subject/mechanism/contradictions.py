@@ -8,9 +8,8 @@ and a lag belong to the recording, whatever the mechanism lacks.
 import copy
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -48,8 +47,7 @@ UNBOUNDED = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)
 HOLD = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 
 
-@dataclass(frozen=True, slots=True)
-class JointTorques:
+class JointTorques(NamedTuple):
     """Torques (n,) at one joint in one run, `measured` and by the stated `model`.
 
     `t` (n,) [s] are their times, `q`, `v`, `a` (n,) the motion of the joint. What is
@@ -69,8 +67,9 @@ class JointTorques:
         """Functions (3, n) of the motion that any joint's friction and offset may
         follow.
         """
-        sliding = SLIDING * np.sqrt(np.mean(self.v**2)) + TINY
-        return np.array([np.ones_like(self.v), self.v, np.tanh(self.v / sliding)])
+        v = self.v
+        sliding = SLIDING * np.sqrt(np.mean(v**2)) + TINY
+        return np.array([np.ones_like(v), v, np.tanh(v / sliding)])
 
     @property
     def of_motion(self) -> Array:
@@ -78,8 +77,7 @@ class JointTorques:
         return np.vstack([self.friction, np.sin(self.q), np.cos(self.q), self.a])
 
 
-@dataclass(frozen=True, slots=True)
-class Match:
+class Match(NamedTuple):
     """How measured torques follow the model's, `factor` times and late by some lag.
 
     `follows` is their correlation beside friction, `explained` the share of the
@@ -100,13 +98,16 @@ def match(torques: JointTorques, noise: float) -> Match | None:
     Beside the model's each lag has its own torques of the motion, for what a mechanism
     lacks has the clock of what it holds. None where the run is too short to say.
     """
-    t, span = torques.t, np.ptp(torques.t)
+    t = torques.t
+    v = torques.v
+    span = np.ptp(t)
     # about a reversal friction may hold a joint, and torque leads its motion
-    moves = abs(torques.v) > REVERSES * torques.v.std()
+    moves = abs(v) > REVERSES * v.std()
     inner = np.flatnonzero((abs(t - t[0] - span / 2) <= span / 2 - MOST_LAG) & moves)
-    if len(inner) < SHORTEST:
+    readings = len(inner)
+    if readings < SHORTEST:
         return None
-    readings, inner = len(inner), inner[:: max(1, len(inner) // PLACES)]
+    inner = inner[:: max(1, readings // PLACES)]
     model = torques.model[inner]
     measured = CubicSpline(t, torques.measured)(t[inner] + STEPS[:, None])
 
@@ -115,18 +116,20 @@ def match(torques: JointTorques, noise: float) -> Match | None:
     best = np.argmin(squares)
     # a random torque follows as many functions as it has degrees of freedom
     free = torques.cutoff * span / np.pi * readings / len(t)
-    left = squares[best] * free / max(free - len(motion), 1.0)
+    least = squares[best]
+    left = least * free / max(free - len(motion), 1.0)
     # or as much of the noise as passes the filter
     own = max(left, free / readings * noise**2)
 
     friction = torques.friction[:, inner]
     model, matched = _beside(friction, np.array([model, measured[best]]))
-    cross, square = model @ matched, model @ model + TINY
+    cross = model @ matched
+    square = model @ model + TINY
     return Match(
         factor=cross / square,
         follows=abs(cross) / np.sqrt(square * (matched @ matched)),
         explained=1.0 - left / measured[best].var(),
-        misfits=free * (squares - squares[best]) / own,
+        misfits=free * (squares - least) / own,
     )
 
 
@@ -157,13 +160,15 @@ def judge_torques(
     What most runs show is said of all; a run that differs from the others, by name.
     """
     lags: dict[str, list[tuple[float, float]]] = defaultdict(list)
-    for i, signal in enumerate(mechanism.compared("torque")):
-        loud = {
-            run: match(torques[i], signal.sigma)
-            for run, torques in runs.items()
-            if torques[i].measured.std() > LOUD * signal.sigma
-        }
-        found = {run: m for run, m in loud.items() if m}
+    for signal, *by_run in zip(
+        mechanism.compared("torque"), *runs.values(), strict=True
+    ):
+        found = {}
+        sigma = signal.sigma
+        for run, torques in zip(runs, by_run, strict=True):
+            loud = torques.measured.std() > LOUD * sigma
+            if loud and (matched := match(torques, sigma)):
+                found[run] = matched
         usual = float(np.median([m.factor for m in found.values()] or [1.0]))
         faults = {run: _fault(mechanism, signal, m, usual) for run, m in found.items()}
         yield from _said(faults)
@@ -189,8 +194,9 @@ def _late(
     lag, error, _ = _pooled([*chain(*by_run.values())])
     if abs(lag) > max(least, SURE * error):
         yield _lag(lag)
-    for run, lags in by_run.items() if len(by_run) > 2 else ():
-        others = [each for other, each in by_run.items() if other != run]
+    each_run = by_run.items()
+    for run, lags in each_run if len(each_run) > 2 else ():
+        others = [each for other, each in each_run if other != run]
         usual, of_usual, scatter = _pooled([*chain(*others)])
         lag, error, _ = _pooled(lags, scatter)
         apart = min(abs(lag), abs(lag - usual))
@@ -210,13 +216,13 @@ def _pooled(
     """
     values, errors = np.transpose(lags)
     weights = errors**-2.0
-    about = values - np.average(values, weights=weights)
-    excess = weights @ about**2 - (len(values) - 1)
-    total = weights.sum() - weights @ weights / weights.sum()
+    mean, whole = np.average(values, weights=weights, returned=True)
+    excess = weights @ (values - mean) ** 2 - (len(values) - 1)
+    total = whole - weights @ weights / whole
     between = max(excess / (total + TINY), scatter**2)
     weights = 1.0 / (errors**2 + between)
-    mean = np.average(values, weights=weights)
-    return mean, weights.sum() ** -0.5, between**0.5
+    mean, whole = np.average(values, weights=weights, returned=True)
+    return mean, whole**-0.5, between**0.5
 
 
 def _said(by_run: Mapping[str, Finding | None]) -> Iterator[Finding]:
@@ -224,14 +230,15 @@ def _said(by_run: Mapping[str, Finding | None]) -> Iterator[Finding]:
     faults = [(run, fault) for run, fault in by_run.items() if fault]
     counts = Counter(fault.what for _, fault in faults)
     shared = {what for what, n in counts.items() if n > max(1.0, MOST * len(by_run))}
-    told: set[str] = set()
     alone = ", unlike other runs" if len(by_run) > 1 else ""
+    told: set[str] = set()
     for run, fault in faults:
-        if fault.what not in shared:
+        what = fault.what
+        if what not in shared:
             words = fault.words + alone
             yield fault.model_copy(update={"run": run, "words": words})
-        elif fault.what not in told:
-            told.add(fault.what)
+        elif what not in told:
+            told.add(what)
             yield fault
 
 
@@ -239,7 +246,8 @@ def _fault(
     mechanism: Mechanism, signal: Signal, found: Match, usual: float
 ) -> Finding | None:
     """Fault of one signal in one run, if any; `usual` is the factor of most runs."""
-    name, factor = signal.name, found.factor
+    name = signal.name
+    factor = found.factor
     if found.explained < FREE:
         return bad(
             "torque of no motion",
@@ -269,7 +277,8 @@ def _unit(mechanism: Mechanism, signal: Signal, factor: float) -> Finding | None
     """Finding on torques that are far from the model's, with the unit or gear it may
     be.
     """
-    size, name = abs(factor), signal.name
+    size = abs(factor)
+    name = signal.name
     stated = abs(mechanism.model.actuator_gear[signal.actuator, 0])
     side, gear = ("motor", stated) if signal.gear == stated else ("joint", 1.0 / stated)
     turned = ", reversed" if factor < 0.0 else ""
@@ -325,30 +334,34 @@ def _standing(mechanism: Mechanism, recording: Recording) -> Iterator[Finding]:
     """Findings on a run that does not move, or on readings that stay while others
     change.
     """
-    columns, positions = recording.columns, mechanism.places.values()
-    spans = [np.nanmax(columns[n]) - np.nanmin(columns[n]) for n in positions]
-    if spans and max(spans) < STANDS:
+    columns = recording.columns
+    positions = mechanism.places
+    run = recording.name
+    places = [recording.known(name)[1] for name in positions.values()]
+    largest = max(map(np.ptp, places), default=np.inf)
+    if largest < STANDS:
         yield Finding(
             what="no motion",
-            run=recording.name,
-            words=f"no joint moves by more than {1e3 * max(spans):.2g} mrad or mm",
+            run=run,
+            words=f"no joint moves by more than {1e3 * largest:.2g} mrad or mm",
             remedy="leave it out, unless it was held still on purpose",
         )
         return
-    for name in dict.fromkeys([*positions, *mechanism.file.signals]):
+    for name in dict.fromkeys([*positions.values(), *mechanism.file.signals]):
         for found in stuck_reading(name, recording.t, columns[name]):
-            yield found.model_copy(update={"run": recording.name})
+            yield found.model_copy(update={"run": run})
 
 
 def _touching(mechanism: Mechanism) -> Iterator[Finding]:
     """Findings on geoms that touch along the measured motion, where contacts are left
     out.
     """
-    model, recordings = mechanism.model, mechanism.recordings
+    model = mechanism.model
     places = mechanism.places
     if model.npair or mechanism.mode.group or len(places) < model.njnt:
         return
-    by_run = [r.poses([places[j.name] for j in mechanism.joints]) for r in recordings]
+    columns = [places[j.name] for j in mechanism.joints]
+    by_run = [r.poses(columns) for r in mechanism.recordings]
     q = np.vstack([known[:: max(1, len(known) // POSES)] for known in by_run])
     for pair, count in _pairs(model, q).items():
         touching = count / len(q)
@@ -369,9 +382,8 @@ def _touching(mechanism: Mechanism) -> Iterator[Finding]:
 
 
 def _geom_name(model: Any, geom: int) -> str:
-    return (
-        model.geom(geom).name or f"a geom of {model.body(model.geom_bodyid[geom]).name}"
-    )
+    body = model.body(model.geom_bodyid[geom])
+    return model.geom(geom).name or f"a geom of {body.name}"
 
 
 def _pairs(model: Any, q: Array) -> Counter[tuple[int, int]]:
@@ -394,12 +406,11 @@ def _pairs(model: Any, q: Array) -> Counter[tuple[int, int]]:
 def _tied_bodies(model: Any) -> set[frozenset[int]]:
     """Pairs of bodies that an equality holds together."""
     found = set()
-    for i in range(model.neq):
-        ends = np.array([model.eq_obj1id[i], model.eq_obj2id[i]])
-        if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
-            ends = model.site_bodyid[ends]
-        if model.eq_type[i] in HOLD:
-            found.add(frozenset(model.body_weldid[ends]))
+    both = np.stack([model.eq_obj1id, model.eq_obj2id], axis=1)
+    for ends, of, kind in zip(both, model.eq_objtype, model.eq_type, strict=True):
+        bodies = model.site_bodyid[ends] if of == mujoco.mjtObj.mjOBJ_SITE else ends
+        if kind in HOLD:
+            found.add(frozenset(model.body_weldid[bodies]))
     return found
 
 
@@ -412,7 +423,8 @@ def _belong_together(
     if {model.geom_type[one], model.geom_type[other]} & {*UNBOUNDED}:
         return False
     a, b = (model.body_weldid[model.geom_bodyid[g]] for g in (one, other))
-    above_a, above_b = _ancestors(model, a), _ancestors(model, b)
+    above_a = _ancestors(model, a)
+    above_b = _ancestors(model, b)
     siblings = above_a[0] == above_b[0] > 0
     near = a in (b, *above_b) or b in above_a
     return near or siblings or frozenset((a, b)) in tied

@@ -4,7 +4,7 @@ torque.
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ STEPS_PER_SIZE = 1000.0  # steps of finite differences in a typical size
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
 
 
-@dataclass(frozen=True, slots=True)
-class Readings:
+class Readings(NamedTuple):
     """Errors of sensors and commands: a reading of x(t) is (1 + scale) x(t - delay) +
     bias.
 
@@ -102,11 +101,9 @@ class MechanismEffect:
         """
         # is an error of reading a motion
         falsifies = self.read in ("delay", "bias", "scale")
-        return (
-            falsifies or self.by_fields(mechanism)
-            if mechanism.mode.loads
-            else not falsifies
-        )
+        if mechanism.mode.loads:
+            return falsifies or self.by_fields(mechanism)
+        return not falsifies
 
     def candidate(self, mechanism: Mechanism) -> Candidate:
         """Candidate effect of `mechanism`, screened one parameter at a time from small
@@ -171,19 +168,13 @@ def per_joint(
     slides.
     """
     slides = unit.replace("N m", "N").replace("rad", "m")
-    return tuple(
-        replace(
-            single_parameter(
-                f"{key}_{joint.name}",
-                unit if joint.hinge else slides,
-                s,
-                signed=signed,
-                high=high,
-            )[0],
-            role=role,
-        )
-        for joint, s in zip(mechanism.joints, size, strict=True)
-    )
+    found = []
+    for joint, s in zip(mechanism.joints, size, strict=True):
+        own = unit if joint.hinge else slides
+        name = f"{key}_{joint.name}"
+        (p,) = single_parameter(name, own, s, signed=signed, high=high)
+        found.append(replace(p, role=role))
+    return tuple(found)
 
 
 def single_parameter(
@@ -196,8 +187,9 @@ def single_parameter(
 ) -> tuple[Parameter, ...]:
     """One parameter `key` of typical `size` for the whole mechanism, as a tuple."""
     low = -high * size if signed else 0.0
-    step, spread = size / STEPS_PER_SIZE, SIZES_PER_SPREAD * size
-    return (Parameter(key, unit, 0.0, low, high * size, step=step, spread=spread),)
+    step = size / STEPS_PER_SIZE
+    spread = SIZES_PER_SPREAD * size
+    return (Parameter(key, unit, 0.0, low, high * size, step, spread),)
 
 
 def shapes(

@@ -6,8 +6,9 @@ Elastic gears or play split each joint into motor and link.
 import copy
 from collections.abc import Hashable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -48,8 +49,7 @@ DOF = (
 ACTUATOR = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
 
 
-@dataclass(frozen=True, slots=True)
-class Commands:
+class Commands(NamedTuple):
     """Commands `u` (m, actuators) of a run, each held from its time in `t` (m,) [s]
     on.
     """
@@ -65,7 +65,9 @@ class Commands:
             return np.zeros((steps, 0))
         edges = np.arange(steps + 1) * step - np.sum(delay)
         # the first and the last are held
-        begin, end = min(edges[0], self.t[0]) - 1.0, max(edges[-1], self.t[-1]) + 1.0
+        every = np.concatenate([edges, self.t])
+        begin = every.min() - 1.0
+        end = every.max() + 1.0
         times = np.concatenate([[begin], self.t[1:], [end]])
         spans = np.diff(times)[:, None]
         integral = np.cumsum(np.pad(self.u * spans, ((1, 0), (0, 0))), axis=0)
@@ -74,15 +76,17 @@ class Commands:
 
 def commands_of(mechanism: Mechanism, recording: Recording) -> Commands:
     """Commands of actuators in a recording, on a grid if a controller held them."""
-    model, hold = mechanism.model, mechanism.file.hold
-    t = np.arange(0.0, recording.t[-1] + hold, hold) if hold else recording.t
-    row = np.clip(
-        np.searchsorted(recording.t, t + TIME_ROUNDING, side="right") - 1, 0, None
-    )
+    model = mechanism.model
+    file = mechanism.file
+    read = recording.t
+    hold = file.hold
+    t = np.arange(0.0, read[-1] + hold, hold) if hold else read
+    after = np.searchsorted(read, t + TIME_ROUNDING, side="right")
+    row = np.maximum(after - 1, 0)
     u = np.zeros((len(t), model.nu))
     for i in range(model.nu):
-        if (name := model.actuator(i).name) in mechanism.file.inputs:
-            u[:, i] = np.interp(recording.t, *recording.known(name))[row]
+        if (name := model.actuator(i).name) in file.inputs:
+            u[:, i] = np.interp(read, *recording.known(name))[row]
     return Commands(frozen(t), frozen(u))
 
 
@@ -93,22 +97,26 @@ def along_motion(mechanism: Mechanism) -> Mechanism | None:
     where there are none, where a joint's motion is not measured, or where joints bear
     more than motors give.
     """
-    m, model = mechanism, mechanism.model
+    m = mechanism
+    model = mechanism.model
     columns = m.places
     if m.mode.group or model.neq or model.npair or len(columns) < model.njnt:
         return None
     by_command = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (
         model.actuator_biastype + model.actuator_dyntype + model.actuator_gaintype == 0
     )
-    motors = [n for n in m.file.inputs if by_command[model.actuator(n).id]]
+    every = [model.actuator(name) for name in m.file.inputs]
+    motors = [motor for motor in every if by_command[motor.id]]
     measured = m.compared("torque")
-    signals = (*measured, *(_commanded(model, name) for name in motors))
+    signals = (*measured, *(_commanded(model, motor) for motor in motors))
     recordings = []
     for r in m.recordings:
-        known = {joint: r.columns[name] for joint, name in columns.items()}
-        known |= {s.name: r.columns[s.name] for s in measured}
-        known |= {f"{n} {COMMAND}": model.actuator(n).gainprm[0] * r.columns[n]
-                  for n in motors}  # fmt: skip
+        read = r.columns
+        known = {joint: read[name] for joint, name in columns.items()}
+        known |= {s.name: read[s.name] for s in measured}
+        for motor in motors:
+            name = motor.name
+            known[f"{name} {COMMAND}"] = motor.gainprm[0] * read[name]
         recordings.append(replace(r, columns=known))
     inputs = dict.fromkeys(columns, "position")
     file = m.file.model_copy(update={"mode": PRESCRIBED.name, "inputs": inputs})
@@ -116,10 +124,9 @@ def along_motion(mechanism: Mechanism) -> Mechanism | None:
     return made if signals else None
 
 
-def _commanded(model: Any, name: str) -> Signal:
-    """Signal of the force [N m or N] that a command asks of the motor `name`."""
-    motor = model.actuator(name)
-    title = f"{name} {COMMAND}"
+def _commanded(model: Any, motor: Any) -> Signal:
+    """Signal of the force [N m or N] that a command asks of a `motor`."""
+    title = f"{motor.name} {COMMAND}"
     return Signal(
         name=title,
         channel=title,
@@ -143,19 +150,19 @@ class SplitModel:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism, model = mechanism, mechanism.model
-        self._model = compile_model(
+        split = self._model = compile_model(
             mechanism.source,
             mechanism.file.name,
             model.nuser_jnt,
             model.opt.timestep,
             self._add_flexible_joints,
         )
-        self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-        self.motor = np.array([self._model.joint(j.name).id for j in mechanism.joints])
-        self._flex = np.setdiff1d(np.arange(self._model.njnt), self.motor)
+        split.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+        self.motor = np.array([split.joint(j.name).id for j in mechanism.joints])
+        self._flex = np.setdiff1d(np.arange(split.njnt), self.motor)
         for field in ("dof_armature", "dof_frictionloss", "dof_dampingpoly"):
             # whatever the model's defaults are
-            getattr(self._model, field)[self._flex] = 0.0
+            getattr(split, field)[self._flex] = 0.0
 
     def _add_flexible_joints(self, spec: Any) -> None:
         """Add a second joint about the same axis to each joint of a specification's
@@ -196,24 +203,27 @@ class SplitModel:
         no gears.
         """
         links, motors = self._inertias(found)
-        compliance, gap = np.maximum(readings.elastic, LEAST_COMPLIANCE), readings.gap
+        flex = self._flex
+        motor = self.motor
+        user = found.jnt_user
+        compliance = np.maximum(readings.elastic, LEAST_COMPLIANCE)
+        gap = readings.gap
         stiffness = np.minimum(1.0 / compliance, STIFFEST * links)
-        found.jnt_stiffness[self.motor] = edited.jnt_stiffness
-        found.qpos_spring[self.motor] = edited.qpos_spring
+        for name in ("jnt_stiffness", "qpos_spring"):
+            getattr(found, name)[motor] = getattr(edited, name)
         if np.any(gap):
             has_play = np.greater(gap, 0.0)
             stiffness = np.where(has_play, 0.0, stiffness)
-            found.jnt_range[self._flex] = (
-                0.5 * np.outer(gap, (-1.0, 1.0)) * has_play[:, None]
-            )
-            found.jnt_limited[self._flex] = has_play
-        found.jnt_stiffness[self._flex] = stiffness
+            width = np.where(has_play, gap, 0.0)
+            found.jnt_range[flex] = np.outer(width, (-0.5, 0.5))
+            found.jnt_limited[flex] = has_play
+        found.jnt_stiffness[flex] = stiffness
         ringing = np.sqrt(np.maximum(stiffness, 1.0) * motors)
-        found.dof_damping[self._flex] = 2.0 * DAMPED * ringing
-        found.jnt_user[:] = 0.0
-        found.jnt_user[self.motor] = edited.jnt_user
-        found.jnt_user[:, 0] = found.njnt
-        found.jnt_user[:, 1] = np.mean(edited.jnt_user[:, 1])
+        found.dof_damping[flex] = 2.0 * DAMPED * ringing
+        user[:] = 0.0
+        user[motor] = edited.jnt_user
+        user[:, 0] = found.njnt
+        user[:, 1] = np.mean(edited.jnt_user[:, 1])
 
 
 class PivotModel(SplitModel):
@@ -224,7 +234,9 @@ class PivotModel(SplitModel):
         order.
         """
         first = spec.joints[0]
-        body, name, axis = first.parent, first.name, first.axis.copy()
+        body = first.parent
+        name = first.name
+        axis = first.axis.copy()
         spec.delete(first)
         body.add_joint(
             name=FLEX, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1.0, 0.0, 0.0)
@@ -256,23 +268,27 @@ class ForwardDynamics(MechanismSubject):
         self._settle = round(
             (mechanism.file.start.settle or 0.0) / mechanism.model.opt.timestep
         )
-        self._split_model: SplitModel | None = None
         self._data = mujoco.MjData(mechanism.model)
         self.runs = tuple(map(self._run, mechanism.recordings))
+
+    @cached_property
+    def _split_model(self) -> SplitModel:
+        make = PivotModel if self.mechanism.mode is PLANAR else SplitModel
+        return make(self.mechanism)
 
     def check(self, origin: str) -> None:
         """Refuse a bad model, or a time step whose half moves a run by a third of its
         noise.
         """
         super().check(origin)
-        m, model = self.mechanism, copy.copy(self.mechanism.model)
+        m = self.mechanism
+        model = copy.copy(self.mechanism.model)
         model.opt.timestep = 0.5 * m.file.step
         halved = replace(m, model=model, recordings=m.recordings[:1])
         finer = ForwardDynamics(halved)._stated_residuals()
         run = self.runs[0]
-        change = np.nanmax(
-            np.abs(self._stated_residuals() - finer) / run.samples.reading
-        )
+        moved = np.abs(self._stated_residuals() - finer)
+        change = np.nanmax(moved / run.samples.reading)
         if change > THIRD:
             raise ConfigurationError(
                 f"{origin}: step: half of it moves run {run.name} by {change:.2g} of"
@@ -311,7 +327,8 @@ class ForwardDynamics(MechanismSubject):
     def _content(self, recording: Recording, cut: Cut) -> Content:
         """Content of a run that is simulated forward: its commands, and its start."""
         m = self.mechanism
-        commands, start = commands_of(m, recording), start_of(m, recording)
+        commands = commands_of(m, recording)
+        start = start_of(m, recording)
         speed = np.gradient(cut.values[0], cut.t)
         return Content(cut, speed, recording.load, commands=commands, start=start)
 
@@ -320,14 +337,14 @@ class ForwardDynamics(MechanismSubject):
         diverges.
         """
         by_motion: dict[Hashable, list[int]] = {}
-        numbers = range(len(cases))
-        for i in sorted(numbers, key=lambda i: cases[i].content.cut.t[-1]):
+        ends = [case.content.cut.t[-1] for case in cases]
+        for i in np.argsort(ends, kind="stable").tolist():
             by_motion.setdefault(cases[i].motion, []).append(i)
-        groups = list(by_motion.values())
+        groups = [*by_motion.values()]
         found: dict[int, Array] = {}
         for begin in range(0, len(groups), TOGETHER):
             found |= self._predict_together(cases, groups[begin : begin + TOGETHER])
-        return [*map(found.get, numbers)]
+        return [*map(found.get, range(len(cases)))]
 
     def _predict_together(
         self, cases: Sequence[Case], groups: Sequence[Sequence[int]]
@@ -346,7 +363,8 @@ class ForwardDynamics(MechanismSubject):
             for i in group:
                 case = cases[i]
                 t = np.maximum(case.content.cut.t - case.readings.delay, 0.0)
-                q, v = positions(t).T, interpolate_columns(t, grid, rates).T
+                q = positions(t).T
+                v = interpolate_columns(t, grid, rates).T
                 found[i] = self._read(case, t, q, v, control, model)
         return found
 
@@ -354,19 +372,22 @@ class ForwardDynamics(MechanismSubject):
         """States (n, steps + 1, 2, joints) of n cases, their commands, and their edited
         models.
         """
-        step = self.mechanism.model.opt.timestep
+        stated = self.mechanism.model
+        step = stated.opt.timestep
         span = max(c.content.cut.t[-1] for c in cases)
         steps = int(np.ceil(span / step)) + 2
+        readings = [c.readings for c in cases]
         commands = [
-            c.content.commands.at_steps(step, steps, c.readings.command) for c in cases
+            c.content.commands.at_steps(step, steps, read.command)
+            for c, read in zip(cases, readings, strict=True)
         ]
         settled = (self._settle, 0)  # steps in which the first command is held
         control = np.pad(commands, ((0, 0), settled, (0, 0)), mode="edge")
-        models = [case.edited(self.mechanism.model) for case in cases]
+        models = [case.edited(stated) for case in cases]
         for model in models:
             mujoco.mj_setConst(model, self._data)
         states = self._roll_out(models, cases, control)
-        soft = [np.any(c.readings.elastic) or np.any(c.readings.gap) for c in cases]
+        soft = [np.any(read.elastic) or np.any(read.gap) for read in readings]
         if rows := np.flatnonzero(soft).tolist():
             some, of_them = ([each[i] for i in rows] for each in (cases, models))
             states[rows] += self._by_gears(of_them, some, control[rows])
@@ -384,19 +405,23 @@ class ForwardDynamics(MechanismSubject):
 
         Those of the mechanism's joints go `into` degrees of freedom of the models.
         """
-        batch = Batch(models[0], len(models), self._jobs)
+        first = models[0]
+        state = ("qpos", "qvel")
+        batch = Batch(first, len(models), self._jobs)
         batch.set_models(models)
         start = np.array([c.start for c in cases])
-        batch.bind("qpos")[:, into], batch.bind("qvel")[:, into] = start.swapaxes(0, 1)
-        with torques().install(self._laws, models[0]):
+        for name, values in zip(state, start.swapaxes(0, 1), strict=True):
+            batch.bind(name)[:, into] = values
+        count, steps, _ = control.shape
+        with torques().install(self._laws, first):
             try:
-                out = batch.rollout(control.shape[1], control, record=("qpos", "qvel"))
+                out = batch.rollout(steps, control, record=state)
             except SimulationError:
-                steps = control.shape[1] - self._settle + 1
-                return np.full((len(cases), steps, *start.shape[1:]), np.inf)
-        states = np.stack([out["qpos"][..., into], out["qvel"][..., into]], axis=2)
+                left = steps - self._settle + 1
+                return np.full((count, left, *start.shape[1:]), np.inf)
+        states = np.stack([out[name][..., into] for name in state], axis=2)
         states = np.concatenate([start[:, None], states], axis=1)
-        states[batch.warning.reshape(len(cases), -1).any(axis=1)] = np.inf
+        states[batch.warning.reshape(count, -1).any(axis=1)] = np.inf
         return states[:, self._settle :]
 
     def _by_gears(
@@ -405,15 +430,13 @@ class ForwardDynamics(MechanismSubject):
         """Deviation of the states of n cases by elasticity or play: split less rigid
         models.
         """
-        if not self._split_model:
-            make = PivotModel if self.mechanism.mode is PLANAR else SplitModel
-            self._split_model = make(self.mechanism)
+        made = self._split_model
         pairs = zip(models, cases, strict=True)
-        soft = [self._split_model.soft(model, case.readings) for model, case in pairs]
+        soft = [made.soft(model, case.readings) for model, case in pairs]
         rigid = [copy.copy(model) for model in models]
         for model, split in zip(rigid, soft, strict=True):
             model.opt.integrator = split.opt.integrator
-        moved = self._roll_out(soft, cases, control, self._split_model.motor)
+        moved = self._roll_out(soft, cases, control, made.motor)
         return moved - self._roll_out(rigid, cases, control)
 
     def _read(
@@ -422,7 +445,9 @@ class ForwardDynamics(MechanismSubject):
         """Sensor readings (signals, k) at times t (k,) [s], from the states q, v
         (joints, k).
         """
-        signals, errors = self.mechanism.signals, case.readings
+        mechanism = self.mechanism
+        errors = case.readings
+        signals = mechanism.signals
         rows = np.empty((len(signals), len(t)))
         sensed = {"site", "sensor"} & {s.kind for s in signals}
         along = poses(model, q.T, mujoco.mj_forward, v.T) if sensed else ()
@@ -435,7 +460,7 @@ class ForwardDynamics(MechanismSubject):
                     rows[k] = sensors[signal.joint]
                 case kind:
                     rows[k] = signal.weights @ (q if kind == "position" else v)
-        encoders = self.mechanism.mode.encoders(self.mechanism)
+        encoders = mechanism.mode.encoders(mechanism)
         read = [k for k, s in enumerate(signals) if s.name in encoders]
         scale, bias = (np.reshape(x, (-1, 1)) for x in (errors.scale, errors.bias))
         rows[read] = (1.0 + scale) * rows[read] + bias
@@ -447,7 +472,8 @@ class ForwardDynamics(MechanismSubject):
         """Readings (k,) of a torque `signal` at times t (k,) [s], from states and
         commands.
         """
-        actuator, joint = signal.actuator, signal.joint
+        actuator = signal.actuator
+        joint = signal.joint
         (gain, *_), (constant, of_place, of_rate, *_), limits = (
             getattr(model, name)[actuator] for name in ACTUATOR
         )

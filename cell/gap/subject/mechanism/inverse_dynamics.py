@@ -57,22 +57,25 @@ class InverseDynamics(MechanismSubject):
     ) -> None:
         super().__init__(mechanism, jobs, without)
         self._known: dict[Hashable, Array] = {}
-        model, origin = mechanism.model, str(mechanism.path)
+        model = mechanism.model
+        origin = str(mechanism.path)
         self._model = copy.copy(model)
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         # what motors are relieved of, they do not give
         self._model.jnt_actgravcomp[:] = 0
-        inputs, joints = mechanism.file.inputs, mechanism.joints
+        inputs = mechanism.file.inputs
+        joints = mechanism.joints
         given = [i for i, j in enumerate(joints) if inputs.get(j.name) == "position"]
         compared = [s.joint for s in mechanism.compared("torque")]
-        self._loop = ClosedLoops(model, given, compared, origin) if model.neq else None
-        if not self._loop and len(given) < model.njnt:
+        loop = ClosedLoops(model, given, compared, origin) if model.neq else None
+        self._loop = loop
+        if not loop and len(given) < model.njnt:
             missing = next(j.name for i, j in enumerate(joints) if i not in given)
             raise ConfigurationError(
                 f"{origin}: inputs.{missing}: is missing; in mode prescribed every"
                 " joint's motion is given: add it as position"
             )
-        independent = self._loop.independent if self._loop else given
+        independent = loop.independent if loop else given
         self._joints = [joints[i].name for i in independent]
         recordings = [*map(self._with_standing, mechanism.recordings)]
         self._cutoff = cutoff_of(recordings, self._joints, mechanism.pace)
@@ -83,7 +86,8 @@ class InverseDynamics(MechanismSubject):
         """Copy of a recording with columns of joints that stand at their stated
         pose.
         """
-        model, standing = self._model, self._loop.stand if self._loop else ()
+        model = self._model
+        standing = self._loop.stand if self._loop else ()
         columns = {
             model.joint(j).name: np.full(len(recording.t), model.qpos0[j])
             for j in standing
@@ -94,19 +98,21 @@ class InverseDynamics(MechanismSubject):
         """Notes on torques that inverse dynamics leaves out, and on open kinematic
         loops.
         """
-        model = self.mechanism.model
+        mechanism = self.mechanism
+        loop = self._loop
+        model = mechanism.model
         if np.any(model.jnt_limited) or np.any(model.tendon_limited):
             yield "moments at the limits of joints and tendons are left out"
         if np.any(model.actuator_delay > 0.0) or np.any(model.actuator_dyntype > 0):
             yield "filters and delays of motors are left out: torques are as read"
-        for joint in self._loop.stand if self._loop else ():
+        if not loop:
+            return
+        for joint in loop.stand:
             yield f"joint {model.joint(joint).name} has no column: it stands still"
-        gap = 0.0
-        if self._loop and len(given) == model.nv:
-            for r in self.mechanism.recordings:
-                known = r.poses([j.name for j in self.mechanism.joints])[::CHECK_EVERY]
-                if len(known):
-                    gap = max(gap, self._loop.gap(known))
+        names = [j.name for j in mechanism.joints]
+        whole = mechanism.recordings if len(given) == model.nv else ()
+        known = [r.poses(names)[::CHECK_EVERY] for r in whole]
+        gap = max((loop.gap(q) for q in known if len(q)), default=0.0)
         if gap >= LOOP_TOLERANCE:
             yield (
                 f"the loop does not close by {1e3 * gap:.2g} mm or mrad at the measured"
@@ -138,11 +144,13 @@ class InverseDynamics(MechanismSubject):
         torques.
         """
         run = super()._run(recording)
-        content, known = run.content, run.samples
+        content = run.content
+        known = run.samples
         error = self._encoder_error(content.motion, content.cut.t)
         _, squares = average(error, content.cut.edges)  # torques come first
         more = np.sqrt(np.concatenate([squares, np.zeros(len(known) - len(squares))]))
-        noise, reading = np.hypot(known.noise, more), np.hypot(known.reading, more)
+        noise = np.hypot(known.noise, more)
+        reading = np.hypot(known.reading, more)
         return replace(run, samples=replace(known, noise=noise, reading=reading))
 
     def _content(self, recording: Recording, cut: Cut) -> Content:
@@ -159,14 +167,15 @@ class InverseDynamics(MechanismSubject):
             self._loop,
             self._barred,
         )
-        filtered = motion.below_cutoff(motion.torques, cut.t)
-        good = np.interp(cut.t, motion.t, motion.known) == 1.0
+        t = cut.t
+        filtered = motion.below_cutoff(motion.torques, t)
+        good = np.interp(t, motion.t, motion.known) == 1.0
         if not good.any():
             raise ConfigurationError(
                 f"{recording.name}: no reading is left beside gaps, limits of joints"
                 " and dead centres; mend angles, zeros or ranges, or leave the run out"
             )
-        cut = replace(cut, values=filtered).keep(good)
+        cut = cut._replace(values=filtered).keep(good)
         speed = np.interp(cut.t, motion.t, motion.v @ (1.0 / self.mechanism.rate))
         return Content(cut, speed, recording.load, motion=motion)
 
@@ -190,23 +199,28 @@ class InverseDynamics(MechanismSubject):
         barred = ((at < low + edge) | (at > high - edge)) @ limited
         for s, row in zip(self._sensors, measured, strict=False):
             if model.jnt_actfrclimited[s.joint]:
-                most = (1.0 - NEAR) * model.jnt_actfrcrange[s.joint]
-                barred = barred | (s.gear * row < most[0]) | (s.gear * row > most[1])
+                low, high = (1.0 - NEAR) * model.jnt_actfrcrange[s.joint]
+                torque = s.gear * row
+                barred = barred | (torque < low) | (torque > high)
         return np.asarray(barred, dtype=bool)
 
     def predict(self, cases: Sequence[Case]) -> list[Array]:
         """Signals (signals, k) of each case at the k times of its readings."""
         with ThreadPoolExecutor(self._jobs) as pool:
             found = list(pool.map(self._signals, cases))
-        while len(self._known) > KEPT:  # while no thread adds to them
-            self._known.pop(next(iter(self._known)))
+        known = self._known
+        while len(known) > KEPT:  # while no thread adds to them
+            known.pop(next(iter(known)))
         return found
 
     def _encoder_error(self, motion: FilteredMotion, t: Array) -> Array:
         """Standard deviation (torques, k) of predictions at times t (k,) [s] by encoder
         noise.
         """
-        model, q, v, a = self._model, motion.q, motion.v, motion.a
+        model = self._model
+        q = motion.q
+        v = motion.v
+        a = motion.a
         plain = _inverse_dynamics(model, q, v, a)
         squares = np.zeros((len(self._sensors), len(q)))
         for k, (rate, acceleration) in enumerate(motion.shake.T):  # encoder by encoder
@@ -232,24 +246,19 @@ class InverseDynamics(MechanismSubject):
         """Torques of each signal along the motion of `run`, as measured and as
         stated.
         """
-        motion, case = run.content.motion, self._case(self.stated(run))
+        motion = run.content.motion
+        case = self._case(self.stated(run))
         known = motion.known
-        measured, rows = (
-            motion.below_cutoff(torques, motion.t)[:, known]
+        t = motion.t
+        measured, stated = (
+            motion.below_cutoff(torques, t)[:, known]
             for torques in (motion.torques, self._along(case))
         )
         q, v, a = (x[known].T for x in (motion.q, motion.v, motion.a))
+        rows = zip([s.joint for s in self._sensors], measured, stated, strict=False)
         return [
-            JointTorques(
-                motion.t[known],
-                measured[i],
-                rows[i],
-                q[s.joint],
-                v[s.joint],
-                a[s.joint],
-                motion.cutoff,
-            )
-            for i, s in enumerate(self._sensors)
+            JointTorques(t[known], read, model, q[j], v[j], a[j], motion.cutoff)
+            for j, read, model in rows
         ]
 
     def _signals(self, case: Case) -> Array:
@@ -262,13 +271,14 @@ class InverseDynamics(MechanismSubject):
         compared.
         """
         model = case.edited(self._model)
+        readings = case.readings
+        key = case.motion
         motion: FilteredMotion = case.content.motion
-        q, v, a = true_motion(motion, case.readings)
-        inverse = self._known.get(case.motion)
+        q, v, a = true_motion(motion, readings)
+        inverse = self._known.get(key)
         if inverse is None:
-            inverse = self._known[case.motion] = _inverse_dynamics(model, q, v, a)
-        elastic, gap = case.readings.elastic, case.readings.gap
-        soft = ((np.multiply, elastic), (_play_deflection, gap))
+            inverse = self._known[key] = _inverse_dynamics(model, q, v, a)
+        soft = ((np.multiply, readings.elastic), (_play_deflection, readings.gap))
         gears = [(bend, values) for bend, values in soft if np.any(values)]
         if self.mechanism.compared("tracking"):  # measured positions are those of links
             bends = (bend(inverse, values) for bend, values in gears)
@@ -300,7 +310,9 @@ class InverseDynamics(MechanismSubject):
         effects.
         """
         motion: FilteredMotion = case.content.motion
-        t, forces, delay = motion.t, motion.forces, case.readings.delay
+        t = motion.t
+        forces = motion.forces
+        delay = case.readings.delay
         if forces is not None and delay:  # readings are stamped late
             late = interpolate_columns(t + delay, t, forces.reshape(len(t), -1))
             forces = late.reshape(forces.shape)
@@ -334,12 +346,14 @@ class InverseDynamics(MechanismSubject):
         at = torques().at[DRY_FRICTION.name]
         for sensor, reading in zip(self._sensors, measured, strict=False):
             j = sensor.joint
-            rate, p = v[:, j], user[j]
+            rate = v[:, j]
+            p = user[j]
             standing = np.exp(-((rate / (STANDS * self.mechanism.joints[j].rate)) ** 2))
             if not p[at : at + DRY_FRICTION.keys].any():
                 continue
             state = q[:, j], rate, inverse[:, j], p, at
-            sliding, limit = dry_law(*state), dry_limit(*state)
+            sliding = dry_law(*state)
+            limit = dry_limit(*state)
             required = self._joint_torque(forces, sensor, inverse - applied)
             given = self._torque_per_reading(model, sensor) * reading
             static = np.clip(required + sliding - given, -limit, limit)
@@ -384,10 +398,11 @@ class InverseDynamics(MechanismSubject):
         of gears.
         """
         delay = case.readings.command
+        t = motion.t
         joints = [s.joint for s in self.mechanism.compared("tracking")]
-        commanded = motion.q + delay * motion.v + 0.5 * delay**2 * motion.a
-        behind = interpolate_columns(motion.t + delay, motion.t, deflection)
-        return (motion.q - commanded - behind)[:, joints].T
+        ahead = delay * motion.v + 0.5 * delay**2 * motion.a
+        behind = interpolate_columns(t + delay, t, deflection)
+        return -(ahead + behind)[:, joints].T
 
 
 def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:

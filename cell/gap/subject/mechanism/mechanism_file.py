@@ -84,10 +84,11 @@ class SignalSpec(Settings):
         """
         if len(_named(self, *OWNERS)) != 1:
             raise ValueError("names one of joint, actuator, site and sensor")
-        kinds = OWNERS[self.owner]
+        owner = self.owner
+        kinds = OWNERS[owner]
         if self.is_ not in kinds:
-            raise ValueError(f"is: of a {self.owner} is one of {kinds}")
-        if (self.axis is not None) != (self.owner == "site"):
+            raise ValueError(f"is: of a {owner} is one of {kinds}")
+        if (self.axis is not None) != (owner == "site"):
             raise ValueError("axis: x, y or z, of a site alone")
         if self.side and self.is_ != "torque":
             raise ValueError("side: joint or motor, of a torque alone")
@@ -136,12 +137,13 @@ class UncertainSpec(Settings):
     @model_validator(mode="after")
     def _owner(self) -> Self:
         """Refuse an owner that does not have the field."""
-        owner, _ = FIELDS[self.field]
+        field = self.field
+        owner, _ = FIELDS[field]
         if _named(self, "body", "joint", "actuator") != [owner]:
             raise ValueError(
-                f"field {self.field} belongs to a {owner}: name it, and nothing else"
+                f"field {field} belongs to a {owner}: name it, and nothing else"
             )
-        if self.axis and self.field != "com":
+        if self.axis and field != "com":
             raise ValueError("axis: x, y or z, of a com alone")
         return self
 

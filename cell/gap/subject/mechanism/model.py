@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import repeat
 from operator import setitem
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import mujoco
 import numpy as np
@@ -106,8 +106,7 @@ MODES: Mapping[str, PredictionMode] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Joint:
+class Joint(NamedTuple):
     """Hinge or slide of a model, with typical torque [N m], rate [rad/s], inertia [kg
     m^2].
 
@@ -125,8 +124,7 @@ class Joint:
     travel: float
 
 
-@dataclass(frozen=True, slots=True)
-class BaseParameter:
+class BaseParameter(NamedTuple):
     """Base parameter of a fit, with the function `put` that sets its value in a model.
 
     `scatter` is how it differs from run to run, if it does.
@@ -236,28 +234,29 @@ def add_point(edited: Any, mass: float, body: int, place: Array) -> None:
     """Add a point `mass` [kg] at `place` (3,) [m] in a body's frame to its mass and
     inertia.
     """
-    stated, com = edited.body_mass[body], np.array(edited.body_ipos[body])
+    one = edited.body(body)
+    stated = one.mass[0]
     rotation = np.zeros(9)
-    mujoco.mju_quat2Mat(rotation, np.array(edited.body_iquat[body]))
+    whole = stated + mass
+    mujoco.mju_quat2Mat(rotation, one.iquat)
     axes = rotation.reshape(3, 3)
-    inertia = axes @ np.diag(edited.body_inertia[body]) @ axes.T
-    offset = place - com
+    inertia = axes @ np.diag(one.inertia) @ axes.T
+    offset = place - one.ipos
     # parallel axes, about the common centre of mass
-    reduced = stated * mass / (stated + mass)
+    reduced = stated * mass / whole
     inertia += reduced * (offset @ offset * np.eye(3) - np.outer(offset, offset))
-    values, quat = np.zeros(3), np.zeros(4)
-    mujoco.mju_eig3(values, rotation, quat, inertia.ravel())
-    edited.body_mass[body] = stated + mass
-    edited.body_ipos[body] = com + offset * mass / (stated + mass)
-    edited.body_iquat[body] = quat
-    edited.body_inertia[body] = values
+    mujoco.mju_eig3(one.inertia, rotation, one.iquat, inertia.ravel())
+    one.mass[:] = whole
+    one.ipos[:] += offset * mass / whole
 
 
 def check_joints(model: Any, origin: str) -> None:
     """Refuse joints of a model without a name, and others than hinges and slides."""
     for i in range(model.njnt):
-        name, kind = model.joint(i).name, int(model.jnt_type[i])
-        body = model.body(model.jnt_bodyid[i]).name or model.jnt_bodyid[i]
+        name = model.joint(i).name
+        kind = int(model.jnt_type[i])
+        number = model.jnt_bodyid[i]
+        body = model.body(number).name or number
         if not name:
             raise ConfigurationError(
                 f"{origin}: a joint of body {body} has no name; give it one"
@@ -282,16 +281,15 @@ def typical_loads(model: Any) -> tuple[Array, Array]:
     poses.
     """
     rng = np.random.default_rng(0)
-    weight, inertia = np.zeros(model.nv), np.zeros(model.nv)
-    full = np.zeros((model.nv, model.nv))
-    limited = model.jnt_limited.astype(bool) & (
-        model.jnt_range[:, 1] > model.jnt_range[:, 0]
-    )
-    low = np.where(limited, model.jnt_range[:, 0], -np.pi)
-    high = np.where(limited, model.jnt_range[:, 1], np.pi)
-    for data in poses(
-        model, rng.uniform(low, high, (POSES, model.nv)), mujoco.mj_forward
-    ):
+    count = model.nv
+    weight = np.zeros(count)
+    inertia = np.zeros(count)
+    full = np.zeros((count, count))
+    low, high = model.jnt_range.T
+    limited = (model.jnt_limited > 0) & (high > low)
+    low, high = np.where(limited, (low, high), np.pi * np.array([[-1.0], [1.0]]))
+    q = rng.uniform(low, high, (POSES, count))
+    for data in poses(model, q, mujoco.mj_forward):
         weight = np.maximum(weight, np.abs(data.qfrc_bias))
         mujoco.mj_fullM(model, data, full)
         inertia += np.diag(full) / POSES
@@ -320,16 +318,14 @@ def base_of(mechanism: Mechanism) -> tuple[BaseParameter, ...]:
     names.
     """
     origin = f"{mechanism.path}: uncertain"
-    found = [
-        b
-        for i, spec in enumerate(mechanism.file.uncertain)
-        for b in _expand(spec, mechanism, f"{origin}.{i}")
-    ]
-    names = [b.parameter.name for b in found]
-    twice = next((n for n in names if names.count(n) > 1), None)
-    if twice:
-        raise ConfigurationError(f"{origin}: {twice} is listed twice; keep one")
-    return tuple(found)
+    found: dict[str, BaseParameter] = {}
+    for i, spec in enumerate(mechanism.file.uncertain):
+        for each in _expand(spec, mechanism, f"{origin}.{i}"):
+            name = each.parameter.name
+            if name in found:
+                raise ConfigurationError(f"{origin}: {name} is listed twice; keep one")
+            found[name] = each
+    return tuple(found.values())
 
 
 def _expand(
@@ -361,11 +357,10 @@ def _free_axes(model: Any, body: int) -> Iterator[str]:
     hinges.
     """
     (data,) = poses(model, [model.qpos0], mujoco.mj_kinematics)
-    own = data.xmat[body].reshape(3, 3)
-    hinges = bool((model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).all())
-    for k, axis in enumerate("xyz"):
-        along = np.abs(data.xaxis @ own[:, k])
-        if not (hinges and bool((along > 1.0 - PARALLEL).all())):
+    along = np.abs(data.xaxis @ data.xmat[body].reshape(3, 3)) > 1.0 - PARALLEL
+    slides = (model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any()
+    for axis, parallel in zip("xyz", along.all(axis=0), strict=True):
+        if slides or not parallel:
             yield axis
 
 
@@ -375,19 +370,21 @@ def _base_parameter(
     """Base parameter for one field of one owner, with its bounds; `axis` of a centre of
     mass.
     """
-    start, put, size = _access(spec.field, mechanism, number, axis)
+    field = spec.field
+    start, put, size = _access(field, mechanism, number, axis)
     width = _spread_width(spec.spread, size)
     high = max(HIGHEST * start, start + FARTHEST * width)
-    low = LOWEST * start if spec.field in ("mass", "inertia", "gain") else 0.0
-    if spec.field == "com":
-        low, high = -np.inf, np.inf
-    key = "_".join(filter(None, (spec.field, axis, name)))
-    (_, unit), step = FIELDS[spec.field], STEP * width
-    parameter = Parameter(key, unit, start, low, high, step=step, spread=width)
+    low = LOWEST * start if field in ("mass", "inertia", "gain") else 0.0
+    if field == "com":
+        low = -np.inf
+        high = np.inf
+    key = "_".join(filter(None, (field, axis, name)))
+    (_, unit), step = FIELDS[field], STEP * width
+    parameter = Parameter(key, unit, start, low, high, step, width)
     by_run = _spread_width(spec.by_run or 0.0, size)
     if not by_run:
         return BaseParameter(parameter, put)
-    what = f"{spec.field} of {name}"
+    what = f"{field} of {name}"
     scatter = ScatterSource(
         f"{key}_run", what, f"keep the {what} steady", unit, by_run, step, common=True
     )
@@ -425,7 +422,8 @@ def _access(
         start = max(float(np.linalg.norm(place)), SMALLEST)
         return start, lambda f, v: setitem(f.body_pos, i, v * (place / start)), start
     if field == "com":
-        k, place = "xyz".index(axis), model.body_ipos[i]
+        k = "xyz".index(axis)
+        place = model.body_ipos[i]
         size = float(np.linalg.norm(place))
         return place[k], lambda f, v: setitem(f.body_ipos, (i, k), v), size
     joint = mechanism.joints[i]

@@ -53,7 +53,8 @@ class ModelSource:
         spec.modelfiledir = f"{self.folder}/"
         for body in spec.bodies[1:]:
             body.simple = False  # an edit may move its mass off its axes
-        drives, on_joint = spec.actuators, mujoco.mjtTrn.mjTRN_JOINT
+        drives = spec.actuators
+        on_joint = mujoco.mjtTrn.mjTRN_JOINT
         taken = {d.name for d in drives} | {
             d.target for d in drives if d.trntype == on_joint
         }
@@ -79,19 +80,19 @@ def read_source(path: Path, folder: Path) -> ModelSource:
         _plain_urdf(root, folder, path.parent)
         text = ET.tostring(root, encoding="unicode")
     for element in root.iter():
-        if element.tag in ("plugin", "extension"):
+        tag = element.tag
+        if tag in ("plugin", "extension"):
             raise ConfigurationError(
-                f"{path}: <{element.tag}>: plugins run foreign code and are refused;"
-                " remove it"
+                f"{path}: <{tag}>: plugins run foreign code and are refused; remove it"
             )
-        if element.tag in ("flex", "flexcomp"):
+        if tag in ("flex", "flexcomp"):
             raise ConfigurationError(
-                f"{path}: <{element.tag}>: {element.get('name', '')!r} is deformable;"
-                " rigid bodies are compared: leave it out"
+                f"{path}: <{tag}>: {element.get('name', '')!r} is deformable; rigid"
+                " bodies are compared: leave it out"
             )
-        if element.get("file") is not None and element.tag not in ASSETS:
+        if element.get("file") is not None and tag not in ASSETS:
             raise ConfigurationError(
-                f"{path}: <{element.tag} file>: is not read; write it into the model"
+                f"{path}: <{tag} file>: is not read; write it into the model"
             )
     _check_copies(root, path)
     return ModelSource(text, path.parent, folder, digests=digests)
@@ -104,7 +105,8 @@ def _root(text: str, path: Path) -> ET.Element:
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
         raise ConfigurationError(f"{path}: declares XML entities; write them out")
     # prefixes may be undeclared in URDFs
-    builder, parser = ET.TreeBuilder(), expat.ParserCreate()
+    builder = ET.TreeBuilder()
+    parser = expat.ParserCreate()
     parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
     parser.CharacterDataHandler = builder.data
     try:
@@ -153,26 +155,20 @@ def _plain_urdf(root: ET.Element, folder: Path, place: Path) -> None:
         for key in [key for key in parent.attrib if ":" in key]:
             del parent.attrib[key]
     for mesh in root.iter("mesh"):
-        name, separator, file = (
-            mesh.get("filename", "").removeprefix("package://").partition("/")
-        )
-        if separator and mesh.get("filename", "").startswith("package://"):
+        scheme, _, of_package = mesh.get("filename", "").partition("package://")
+        name, separator, file = of_package.partition("/")
+        if separator and not scheme:
             own = name == folder.name or not (folder / name).is_dir()
-            mesh.set(
-                "filename",
-                os.path.relpath(folder / ("" if own else name) / file, place),
-            )
+            whole = folder / ("" if own else name) / file
+            mesh.set("filename", os.path.relpath(whole, place))
 
 
 def _check_copies(root: ET.Element, path: Path, copies: int = 1) -> None:
     """Refuse elements such as `replicate` that multiply bodies beyond MOST_BODIES."""
     for element in root:
-        counts = (
-            re.findall(r"[0-9]+", element.get("count", ""))
-            if element.tag in REPEATERS
-            else ()
-        )
-        inside = copies * math.prod(max(1, int(c)) for c in counts)
+        stated = element.get("count", "") if element.tag in REPEATERS else ""
+        counts = map(int, re.findall(r"[0-9]+", stated))
+        inside = copies * math.prod(max(1, count) for count in counts)
         if inside > MOST_BODIES:
             raise ConfigurationError(
                 f"{path}: <{element.tag}>: makes {inside} copies; allowed:"
@@ -185,7 +181,8 @@ def _inside(origin: Path, place: Path, folder: Path) -> Path:
     """Resolved path of a regular file `place` in `folder`; ConfigurationError for any
     other.
     """
-    whole, name = place.resolve(), os.path.relpath(place, folder)
+    whole = place.resolve()
+    name = os.path.relpath(place, folder)
     if not whole.is_relative_to(folder.resolve()):
         raise ConfigurationError(
             f"{origin}: {name}: lies outside {folder}; paths of a model stay in its"
@@ -215,9 +212,10 @@ def _check_spec(spec: Any, source: ModelSource, origin: str) -> None:
     """Refuse files that a parsed model names outside its folder, and models that are
     too large.
     """
-    if len(spec.bodies) > MOST_BODIES:
+    count = len(spec.bodies)
+    if count > MOST_BODIES:
         raise ConfigurationError(
-            f"{origin}: has {len(spec.bodies)} bodies; allowed: {MOST_BODIES}"
+            f"{origin}: has {count} bodies; allowed: {MOST_BODIES}"
         )
     if spec.nkey > MOST_BODIES:
         raise ConfigurationError(
@@ -237,11 +235,10 @@ def _assets(spec: Any, source: ModelSource, origin: str) -> Iterator[Path]:
     """Files of meshes and textures of a parsed model; ConfigurationError outside its
     folder.
     """
-    named = [(spec.meshdir, x.file) for x in (*spec.meshes, *spec.hfields, *spec.skins)]
+    shapes = [x.file for x in (*spec.meshes, *spec.hfields, *spec.skins)]
     textures = [name for x in spec.textures for name in (x.file, *x.cubefiles)]
-    named += [(spec.texturedir, name) for name in textures]
-    for place, file in named:
-        if file:
+    for place, files in ((spec.meshdir, shapes), (spec.texturedir, textures)):
+        for file in filter(None, files):
             name = Path(file).name if spec.strippath else file
             path = source.folder / place / name
             yield _inside(Path(origin), path, source.within)
@@ -250,16 +247,17 @@ def _assets(spec: Any, source: ModelSource, origin: str) -> Iterator[Path]:
 @contextmanager
 def _limited_memory() -> Iterator[None]:
     """Within the block the process gets at most MOST_MEMORY beside what it has."""
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    pages, *_ = Path("/proc/self/statm").read_text(encoding="ascii").split()
+    space = resource.RLIMIT_AS
     with _MEMORY_LOCK:
-        before = resource.getrlimit(resource.RLIMIT_AS)
-        limit = pages * resource.getpagesize() + MOST_MEMORY
+        before = resource.getrlimit(space)
+        limit = int(pages) * resource.getpagesize() + MOST_MEMORY
         known = [bound for bound in before if bound != resource.RLIM_INFINITY]
-        resource.setrlimit(resource.RLIMIT_AS, (min([limit, *known]), before[1]))
+        resource.setrlimit(space, (min([limit, *known]), before[1]))
         try:
             yield
         finally:
-            resource.setrlimit(resource.RLIMIT_AS, before)
+            resource.setrlimit(space, before)
 
 
 @contextmanager
@@ -321,15 +319,15 @@ def compile_model(
             spec = source.spec()
         edit(spec)
         _check_spec(spec, source, origin)
+        option = spec.option
+        compiler = spec.compiler
         spec.nuser_jnt = slots
-        spec.option.timestep = step
-        if spec.option.integrator == mujoco.mjtIntegrator.mjINT_EULER:
-            spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-        of_geoms = (
-            spec.compiler.inertiafromgeom
-            == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
-        )
-        spec.compiler.discardvisual = not of_geoms  # each simulation copies the model
+        option.timestep = step
+        if option.integrator == mujoco.mjtIntegrator.mjINT_EULER:
+            option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        of_geoms = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+        # each simulation copies the model
+        compiler.discardvisual = compiler.inertiafromgeom != of_geoms
         with _limited_memory():
             model = spec.compile()
     # or edited frames are ignored

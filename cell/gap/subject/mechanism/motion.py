@@ -3,7 +3,7 @@ accelerations.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +32,7 @@ BRIDGED, STEPS = 0.5, 2.5
 GRID = 4000  # places of a run at most at which torques are computed
 
 
-@dataclass(frozen=True, slots=True)
-class FilteredMotion:
+class FilteredMotion(NamedTuple):
     """Low-pass filtered motion and torques of a run, at even times `t` (m,) [s].
 
     Positions, rates and accelerations `q`, `v`, `a` (m, joints) and the measured
@@ -60,8 +59,9 @@ class FilteredMotion:
         """Values (n, k) at times t (k,) [s] of `rows` (n, m) along the grid, below the
         cutoff.
         """
-        slow = _low_pass(rows, self.t[1] - self.t[0], self.cutoff)
-        return np.array([np.interp(t, self.t, row) for row in slow])
+        grid = self.t
+        slow = _low_pass(rows, grid[1] - grid[0], self.cutoff)
+        return np.array([np.interp(t, grid, row) for row in slow])
 
 
 def cutoff_of(
@@ -81,7 +81,8 @@ def _cutoff(recording: Recording, joints: Sequence[str]) -> float:
     """Cutoff [rad/s] of one recording: that of its fastest joint."""
     grid = _grid(recording)
     q = _resample(recording, joints, grid)
-    w, power = welch(q, 2.0 * np.pi / (grid[1] - grid[0]), nperseg=min(256, len(grid)))
+    rate = 2.0 * np.pi / (grid[1] - grid[0])
+    w, power = welch(q, rate, nperseg=min(256, len(grid)))
     # no joint moves in the upper quarter of frequencies
     noise = np.median(power[:, len(w) * 3 // 4 :], axis=1, keepdims=True)
     rates = np.cumsum(np.maximum(power - FLOOR * noise, 0.0) * w**2, axis=1)
@@ -91,7 +92,8 @@ def _cutoff(recording: Recording, joints: Sequence[str]) -> float:
 def _grid(recording: Recording) -> Array:
     """Even times (m,) [s] over a recording, with the median step of its readings."""
     t = recording.t
-    return np.arange(0.0, t[-1], max(np.median(np.diff(t)), t[-1] / GRID))
+    end = recording.t[-1]
+    return np.arange(0.0, end, max(np.median(np.diff(t)), end / GRID))
 
 
 def _resample(recording: Recording, names: Sequence[str], grid: Array) -> Array:
@@ -144,7 +146,8 @@ def motion_of(
     excluded = _gaps(recording, [*joints, *torques], grid, longest) | barred(
         q, measured
     )
-    moves, forces = np.eye(len(joints))[None], None
+    moves = np.eye(len(joints))[None]
+    forces = None
     if loops:
         forces, moves, movable = loops.maps(q[::stride])
         excluded |= np.repeat(~movable, stride)[: len(grid)]
@@ -156,18 +159,10 @@ def motion_of(
     shake = np.outer(_noise_gain(dt, cutoff, width), noise)
     q, v, a = (frozen(x[::stride]) for x in _derivatives(grid, q))
     slow = frozen(_low_pass(measured, dt, wide)[:, ::stride])
-    return FilteredMotion(
-        frozen(grid[::stride]),
-        q,
-        v,
-        a,
-        slow,
-        known[::stride],
-        cutoff,
-        frozen(shake),
-        moves,
-        forces,
-    )
+    t = frozen(grid[::stride])
+    shake = frozen(shake)
+    known = known[::stride]
+    return FilteredMotion(t, q, v, a, slow, known, cutoff, shake, moves, forces)
 
 
 def _low_pass(x: Array, dt: float, cutoff: float) -> Array:
@@ -190,15 +185,16 @@ def _noise_gain(dt: float, cutoff: float, width: float) -> Array:
     """One-sigma errors (2,) of mean rate and acceleration over `width` [s] by unit
     white noise.
     """
-    box = np.ones(max(1, round(width / dt)))
-    half = len(box) + round(2.0 * SETTLED / cutoff / dt)
-    begin = half - len(box) // 2
+    count = max(1, round(width / dt))
+    half = count + round(2.0 * SETTLED / cutoff / dt)
+    begin = half - count // 2
     # weights of a mean, in the middle of what the filter sees
-    mean = np.zeros((1, 2 * half + 1))
-    mean[0, begin : begin + len(box)] = box / len(box)
-    t = dt * np.arange(2.0 * half + 1.0)
-    _, rate, acceleration = _derivatives(t, _low_pass(mean, dt, cutoff).T)
-    return np.array([np.linalg.norm(rate), np.linalg.norm(acceleration)])
+    mean: Array = np.zeros(2 * half + 1)
+    mean[begin : begin + count] = 1.0 / count
+    t: Array = dt * np.arange(2.0 * half + 1.0)
+    _, *moves = _derivatives(t, _low_pass(mean, dt, cutoff))
+    errors: Array = np.linalg.norm(moves, axis=1)
+    return errors
 
 
 def _near_gaps(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
@@ -216,12 +212,12 @@ def true_motion(motion: FilteredMotion, errors: Readings) -> tuple[Array, Array,
     Readings stamped late show an earlier time, so that the motion at t is read at t +
     delay; in the last `delay` seconds, where no reading follows, the last one is held.
     """
-    q, v, a = motion.q, motion.v, motion.a
-    if errors.delay:
-        stamps = motion.t + errors.delay
-        q, v, a = (
-            interpolate_columns(stamps, motion.t, columns) for columns in (q, v, a)
-        )
+    t = motion.t
+    delay = errors.delay
+    moves = [motion.q, motion.v, motion.a]
+    if delay:
+        moves = [interpolate_columns(t + delay, t, columns) for columns in moves]
+    q, v, a = moves
     scale = 1.0 + errors.scale
     return (q - errors.bias) / scale, v / scale, a / scale
 
@@ -232,7 +228,7 @@ def link_motion(
     """Motion q, v, a (m, joints) of links that lag by `deflection` (m, joints) behind
     motors.
     """
-    behind = (q - deflection) - q  # as floating point has it: not quite -deflection
-    smooth = _low_pass(behind.T, motion.t[1] - motion.t[0], motion.cutoff)
-    offset, rate, acceleration = _derivatives(motion.t, smooth.T)
+    t, behind = motion.t, (q - deflection) - q  # in floating point: nearly -deflection
+    smooth = _low_pass(behind.T, t[1] - t[0], motion.cutoff)
+    offset, rate, acceleration = _derivatives(t, smooth.T)
     return q + offset, v + rate, a + acceleration

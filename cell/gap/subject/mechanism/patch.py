@@ -38,6 +38,13 @@ KEPT_OF_ACTUATOR = (
     "interp",
     "user",
 )
+INERTIAL = {
+    "pos": "body_ipos",
+    "quat": "body_iquat",
+    "mass": "body_mass",
+    "diaginertia": "body_inertia",
+}
+"""Fields of a model by attributes of MJCF's `inertial`."""
 
 
 def accepted_content(
@@ -49,8 +56,10 @@ def accepted_content(
     Provenance keeps the old values.
     """
     content = m.file.model_dump(mode="json", by_alias=True, exclude_none=True)
-    known, notes = content["effects"], content["provenance"]
-    stated = {b.parameter.name: b.parameter.start for b in m.base}
+    known = content["effects"]
+    notes = content["provenance"]
+    parameters = (b.parameter for b in m.base)
+    stated = {p.name: p.start for p in parameters}
     for name, value in base.items():
         old = stated.get(name)
         effect, _, key = name.partition(".")
@@ -59,8 +68,9 @@ def accepted_content(
         notes.append(note_of(name, old, source, f", is {value:.9g}"))
     for name, values in effects.items():
         notes.append(note_of(f"effects.{name}", None, source))
-        if not library()[name].by_fields(m):
-            first, *_ = library()[name].parameters(m)  # a law's one value is `amount`
+        effect_of = library()[name]
+        if not effect_of.by_fields(m):
+            first, *_ = effect_of.parameters(m)  # a law's one value is `amount`
             known[name] = {
                 first.name if key == "amount" else key: v for key, v in values.items()
             }
@@ -106,12 +116,10 @@ def _write_contacts(root: ET.Element, m: Mechanism, edited: Any) -> None:
     """Write changed friction of contact pairs, which a compiled model holds in another
     order.
     """
-    of_geoms = zip(
-        m.model.pair_geom1.tolist(), m.model.pair_geom2.tolist(), strict=True
-    )
+    model = m.model
+    pairs = np.stack([model.pair_geom1, model.pair_geom2], axis=1).tolist()
     rows = {
-        frozenset(m.model.geom(g).name for g in two): i
-        for i, two in enumerate(of_geoms)
+        frozenset(model.geom(g).name for g in two): i for i, two in enumerate(pairs)
     }
     for element in root.findall("contact/pair"):
         i = rows[frozenset(element.get(key) for key in ("geom1", "geom2"))]
@@ -124,25 +132,13 @@ def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
     for i in range(1, edited.nbody):
         if _changed(m, edited, i, "body_pos"):
             _body(root, m, i).set("pos", _place_in_frame(m, edited, i))
-        if not _changed(
-            m, edited, i, "body_mass", "body_ipos", "body_iquat", "body_inertia"
-        ):
+        if not _changed(m, edited, i, *INERTIAL.values()):
             continue
         body = _body(root, m, i)
         for old in body.findall("inertial"):
             body.remove(old)
-        body.insert(
-            0,
-            ET.Element(
-                "inertial",
-                {
-                    "pos": _text(edited.body_ipos[i]),
-                    "quat": _text(edited.body_iquat[i]),
-                    "mass": _text([edited.body_mass[i]]),
-                    "diaginertia": _text(edited.body_inertia[i]),
-                },
-            ),
-        )
+        numbers = {k: _text(getattr(edited, f)[i]) for k, f in INERTIAL.items()}
+        body.insert(0, ET.Element("inertial", numbers))
         for compiler in root.findall("compiler"):
             compiler.attrib.pop("inertiafromgeom", None)
 
@@ -169,7 +165,9 @@ def _place_in_frame(m: Mechanism, edited: Any, i: int) -> str:
         np.fromstring(written.get(key, of_none), sep=" ")
         for key, of_none in (("pos", "0 0 0"), ("quat", "1 0 0 0"))
     )
-    back, turn, step = np.zeros(4), np.zeros(4), np.zeros(3)
+    back = np.zeros(4)
+    turn = np.zeros(4)
+    step = np.zeros(3)
     mujoco.mju_negQuat(back, m.model.body_quat[i])
     mujoco.mju_mulQuat(turn, own, back)
     mujoco.mju_rotVecQuat(step, edited.body_pos[i] - m.model.body_pos[i], turn)
@@ -206,7 +204,8 @@ def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
             element.tag = "general"
             for key in set(element.attrib) - set(KEPT_OF_ACTUATOR):
                 del element.attrib[key]
-            gain, bias = edited.actuator_gainprm[i, :3], edited.actuator_biasprm[i, :3]
+            gain = edited.actuator_gainprm[i, :3]
+            bias = edited.actuator_biasprm[i, :3]
             element.attrib |= {"gaintype": "fixed", "gainprm": _text(gain)}
             if bias.any():
                 element.attrib |= {"biastype": "affine", "biasprm": _text(bias)}
@@ -218,12 +217,13 @@ def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
 def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
     """Write step and integrator, gravity and density, and contacts that are off."""
     option = _child(root, "option")
+    model = m.model
+    new = edited.opt
     option.set("timestep", _text([m.file.step]))
-    if m.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         option.set("integrator", "RK4")
-    option.set("gravity", _text(edited.opt.gravity))
-    option.set("density", _text([edited.opt.density]))
-    if m.model.npair == 0:
+    option.attrib |= {"gravity": _text(new.gravity), "density": _text([new.density])}
+    if model.npair == 0:
         _child(option, "flag").set("contact", "disable")
 
 

@@ -60,6 +60,7 @@ LIMITLESS = 1e12  # N m or N, force range of an actuator that states none
 LEAST_TORQUE = 1e-9
 LEAST_WEIGHT = 1e-12  # N m, weight by which a joint without gravity would swing
 TURN = 2.0 * np.pi  # rad
+SIDES = {"joint": "joint", "actuator": "motor"}  # of a gear, where a file states none
 LEAST = 8  # readings of which the rate at the start is taken
 RATE_READINGS = 300  # of a recording, from which typical rates are taken
 
@@ -74,7 +75,9 @@ def open_file(path: Path) -> Mechanism:
     file = load(path, MechanismFile)
     if file.cell:  # the cell's own, whose effects may belong into its file
         origin = replace(origin, option=f"--subject {quote(path.parent.name)}")
-    folder, here = path.resolve().parent, str(path)
+    folder = path.resolve().parent
+    here = str(path)
+    inputs = file.inputs.items()
     place = (folder / file.model).resolve()
     if Path(file.model).is_absolute() or not place.is_relative_to(folder):
         raise ConfigurationError(
@@ -82,7 +85,7 @@ def open_file(path: Path) -> Mechanism:
             " file's folder"
         )
     moved = [s.name for s in file.signals.values() if s.is_ == "torque"]
-    moved += [name for name, kind in file.inputs.items() if kind != "position"]
+    moved += [name for name, kind in inputs if kind != "position"]
     source = replace(read_source(place, folder), motors=tuple(moved))  # a URDF has none
     there = str(place)
     source = with_assets(source, there)
@@ -90,7 +93,7 @@ def open_file(path: Path) -> Mechanism:
     check_joints(model, there)
     mode = MODES[file.mode]
     signals = [_signal(*each, mode, model, here) for each in file.signals.items()]
-    for name, is_ in file.inputs.items():
+    for name, is_ in inputs:
         kind = "joint" if is_ == "position" else "actuator"
         number_of(model, kind, name, here, f"inputs.{name}")
     if mode.loads:
@@ -108,19 +111,19 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Mechanism:
     found = open_file(path)
     read = [read_checked(folder, found) for folder in folders]
     check_indices([f.path for f in folders], [r.index for r in read])
-    file, recordings = found.file, tuple(sorted(read, key=lambda r: r.index or 0))
+    file = found.file
+    recordings = tuple(sorted(read, key=lambda r: r.index or 0))
+    specs = file.signals
     moving = [n for n, kind in file.inputs.items() if kind == "position"]
-    moving += [
-        n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")
+    moving += [n for n, s in specs.items() if s.is_ not in ("torque", "tracking")]
+    signals = [
+        _with_noise(s, specs[s.name], recordings, str(path)) for s in found.signals
     ]
     found = replace(
         found,
         recordings=recordings,
         pace=typical_frequency(recordings, moving),
-        signals=tuple(
-            _with_noise(s, file.signals[s.name], recordings, str(path))
-            for s in found.signals
-        ),
+        signals=tuple(signals),
     )
     found = replace(found, joints=_measured_joints(found))
     _set_options(found)
@@ -142,10 +145,8 @@ def read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
             f"{folder.path / ANGLES}: t: rows are {apart:g} s apart, at most {most:.2g}"
             " s shows this pendulum's swings; t is in s"
         )
-    if recording.load:
-        number_of(
-            model, "body", recording.load.body, f"{recording.name}: {RUN}: load", "body"
-        )
+    if load := recording.load:
+        number_of(model, "body", load.body, f"{recording.name}: {RUN}: load", "body")
     return recording
 
 
@@ -153,10 +154,11 @@ def _fastest_swing(model: Any) -> float:
     """Angular frequency [rad/s] of the fastest small swing of a chain that hangs at
     zero.
     """
-    mass = np.zeros((model.nv, model.nv))
+    offsets = SMALL * np.eye(model.nv)
+    mass = np.zeros_like(offsets)
     (data,) = poses(model, [model.qpos0], mujoco.mj_forward)
     mujoco.mj_fullM(model, data, mass)
-    swung = poses(model, SMALL * np.eye(model.nv), mujoco.mj_forward)
+    swung = poses(model, offsets, mujoco.mj_forward)
     stiffness = [data.qfrc_bias / SMALL for data in swung]
     squares = np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real
     return float(np.sqrt(squares.max()))
@@ -174,20 +176,21 @@ def _signal(
     key = f"signals.{name}"
     owner = spec.owner
     number = number_of(model, owner, spec.name, origin, key)
-    kind, joint, actuator, gear = spec.is_ or owner, -1, -1, 1.0
+    kind = spec.is_ or owner
+    joint = -1
+    actuator = -1
+    gear = 1.0
     weights = np.zeros(model.njnt)
     if kind == "torque":
         actuator = number if owner == "actuator" else actuator_on(model, number)
-        if (
-            actuator < 0
-            or model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT
-        ):
+        on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+        if actuator < 0 or not on_joint[actuator]:
             raise ConfigurationError(
-                f"{origin}: {key}: {owner} {spec.actuator or spec.joint} drives no"
-                " joint; compare torques of motors on joints"
+                f"{origin}: {key}: {owner} {spec.name} drives no joint; compare torques"
+                " of motors on joints"
             )
         joint = model.actuator_trnid[actuator, 0]
-        if (spec.side or ("joint" if owner == "joint" else "motor")) == "motor":
+        if (spec.side or SIDES[owner]) == "motor":
             gear = model.actuator_gear[actuator, 0]
     elif owner == "joint":
         joint = number
@@ -222,23 +225,24 @@ def _with_noise(
     """Copy of `signal` with its noise, as stated or by repeats, and a torque's model
     error.
     """
-    name, floor = signal.name, signal.floor
-    sigma = (
-        repeat_noise(recordings, name, origin)
-        if spec.sigma == "repeats"
-        else spec.sigma
-    )
+    name = signal.name
+    floor = signal.floor
+    sigma = spec.sigma
+    if sigma == "repeats":
+        sigma = repeat_noise(recordings, name, origin)
     if signal.kind == "torque":
         floor = FLOOR * np.nanstd(np.concatenate([r.columns[name] for r in recordings]))
-    return replace(signal, sigma=float(sigma), floor=floor)
+    return replace(signal, sigma=sigma, floor=floor)
 
 
 def _sum_of_joints(model: Any, number: int) -> Array:
     """Weights (joints,) with which a sensor sums joint positions; zeros for any other
     sensor.
     """
-    row, sensor = np.zeros(model.njnt), model.sensor(number)
-    kind, number = sensor.type[0], sensor.objid[0]
+    row = np.zeros(model.njnt)
+    sensor = model.sensor(number)
+    kind = sensor.type[0]
+    number = sensor.objid[0]
     if kind == mujoco.mjtSensor.mjSENS_JOINTPOS:
         row[number] = 1.0
     elif kind == mujoco.mjtSensor.mjSENS_TENDONPOS:
@@ -274,32 +278,28 @@ def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
     Where nothing was measured, gravity and inertia in poses drawn at random are
     typical.
     """
-    model, recordings = mechanism.model, mechanism.recordings
+    model = mechanism.model
+    recordings = mechanism.recordings
     columns = mechanism.places
+    hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     squares = {
         s.joint: [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
         for s in mechanism.compared("torque")
     }
     found = []
-    for i, (weight, inertia) in enumerate(zip(*typical_loads(model), strict=True)):
-        rate, acceleration, travel, name = 0.0, 0.0, TURN, model.joint(i).name
+    loads = zip(*typical_loads(model), hinges.tolist(), strict=True)
+    for i, (weight, inertia, hinge) in enumerate(loads):
+        rate = 0.0
+        acceleration = 0.0
+        travel = TURN
+        name = model.joint(i).name
         if name in columns:
             rate, acceleration, travel = _motion(recordings, columns[name])
-        driven = np.sqrt(np.mean(squares[i])) if i in squares else 0.0
+        driven = np.sqrt(np.mean(squares.get(i, 0.0)))
         torque = driven or max(weight, inertia * acceleration, LEAST_TORQUE)
-        swing = np.sqrt(max(weight, LEAST_WEIGHT) / inertia)
-        hinge = bool(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE)
-        found.append(
-            Joint(
-                name,
-                hinge,
-                actuator_on(model, i),
-                torque,
-                rate or swing,
-                inertia,
-                travel,
-            )
-        )
+        pace = rate or np.sqrt(max(weight, LEAST_WEIGHT) / inertia)
+        motor = actuator_on(model, i)
+        found.append(Joint(name, hinge, motor, torque, pace, inertia, travel))
     return tuple(found)
 
 
@@ -307,16 +307,15 @@ def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float,
     """Rms rate and acceleration of a position over all recordings, and its largest
     travel.
     """
-    rates, accelerations, travels = [], [], []
+    squares = []
+    travels = []
     for r in recordings:
-        t, x = r.known(column)
-        every = max(1, len(x) // RATE_READINGS)
-        t, x = t[::every], x[::every]
+        known = np.array(r.known(column))
+        t, x = known[:, :: max(1, known.shape[1] // RATE_READINGS)]
         v = np.gradient(x, t)
-        rates.append(np.mean(v**2))
-        accelerations.append(np.mean(np.gradient(v, t) ** 2))
+        squares.append([np.mean(v**2), np.mean(np.gradient(v, t) ** 2)])
         travels.append(np.ptp(x))
-    rate, acceleration = np.sqrt(np.mean([rates, accelerations], axis=1))
+    rate, acceleration = np.sqrt(np.mean(squares, axis=0))
     return rate, acceleration, max(travels)
 
 
@@ -324,16 +323,18 @@ def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
     """Positions [rad or m] and rates (joints,) of the joints at the start of a
     recording.
     """
-    spec, n = mechanism.file.start, len(mechanism.joints)
+    spec = mechanism.file.start
+    n = len(mechanism.joints)
+    read = recording.t
     compared = mechanism.compared("position")
-    inverse = (
-        np.linalg.pinv([s.weights for s in compared]) if compared else np.zeros((n, 0))
-    )
-    near = max(LEAST, int(np.searchsorted(recording.t, 0.5 / mechanism.pace)))
-    positions, slopes = [], []
+    weights = np.array([s.weights for s in compared]).reshape(-1, n)
+    inverse = np.linalg.pinv(weights)
+    near = max(LEAST, int(np.searchsorted(read, 0.5 / mechanism.pace)))
+    positions = []
+    slopes = []
     for signal in compared:
         t, x = recording.known(signal.name)
-        begin = np.searchsorted(t, recording.t[near - 1], side="right")
+        begin = np.searchsorted(t, read[near - 1], side="right")
         fitted = np.polynomial.Polynomial.fit(t[:begin], x[:begin], 3)
         positions.append(x[0])
         slopes.append(fitted.deriv()(0.0))
@@ -350,21 +351,20 @@ def initial_state(
     """Unknown start positions and rates (joints,) about `start`; none where the file
     fixes them.
     """
-    spec, pace = mechanism.file.start, mechanism.pace
-    if spec.spread == 0.0 or spec.settle:
+    spec = mechanism.file.start
+    spread = np.inf if spec.spread is None else spec.spread
+    if not spread or spec.settle:
         return ()
-    wide = np.inf if spec.spread is None else spec.spread
-    rows = (("angle", start[0], "rad", 1.0), ("rate", start[1], "rad/s", pace))
+    kinds = ("angle", "rad", 1.0), ("rate", "rad/s", mechanism.pace)
+    rows = zip(kinds, start, strict=True)
     return tuple(
         Parameter(
             f"{name}_{joint.name}",
             unit,
             value,
-            -np.inf,
-            np.inf,
             step=1e-5 * times,
-            spread=wide * times,
+            spread=spread * times,
         )
-        for name, values, unit, times in rows
+        for (name, unit, times), values in rows
         for joint, value in zip(mechanism.joints, values, strict=True)
     )

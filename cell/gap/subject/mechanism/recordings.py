@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +35,13 @@ def average(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
     """Mean and mean square of `values` (n, k) within blocks, each flattened to (n
     b,).
     """
+    starts = edges[:-1]
     counts = np.diff(edges)
-    mean = np.add.reduceat(values, edges[:-1], axis=1) / counts
-    square = np.add.reduceat(values**2, edges[:-1], axis=1) / counts
-    return mean.ravel(), square.ravel()
+    mean, square = (
+        (np.add.reduceat(x, starts, axis=1) / counts).ravel()
+        for x in (values, values**2)
+    )
+    return mean, square
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,11 +102,12 @@ class Signal:
     @property
     def label(self) -> str:
         """Name of the signal in drawings."""
-        return self.name if self.channel == self.name else f"{self.channel} {self.name}"
+        name = self.name
+        channel = self.channel
+        return name if channel == name else f"{channel} {name}"
 
 
-@dataclass(frozen=True, slots=True)
-class Cut:
+class Cut(NamedTuple):
     """Readings of a run in samples of `width` [s]: `t` (k,) [s], `values` (signals, k).
 
     Samples begin and end at `edges` (b + 1,) among the readings.
@@ -128,16 +133,16 @@ def read_recording(
     """Recording in a run folder; ConfigurationError, in one line, for a broken one."""
     path = folder.path / RUN
     head = load(path, MechanismRun)
+    sigma = head.sigma.angle
     swings = file.mode == "planar"
-    kind, name = (
-        ("pendulum", head.pendulum) if swings else ("mechanism", head.mechanism)
-    )
+    kind = "pendulum" if swings else "mechanism"
+    name = getattr(head, kind)
     if name != file.name and not (file.cell and name is None):
         raise ConfigurationError(
             f"{path}: {kind}: is {name!r}, but the file describes {file.name}; give"
             f" runs of one {kind} and its file, or its strip file"
         )
-    if swings and not head.sigma.angle:
+    if swings and not sigma:
         raise ConfigurationError(
             f"{path}: sigma.angle: is missing; add the noise in rad"
         )
@@ -149,16 +154,15 @@ def read_recording(
     # slices of one recording are no repeats of each other: they stay together as one
     # condition
     condition = str(head.origin or head.condition or folder.name)
-    columns = {name: frozen(values) for name, values in table.items() if name != "t"}
-    t = frozen(table["t"] - table["t"][0])
+    t = table.pop("t")
     return Recording(
         folder.name,
         condition,
         head.index,
-        t,
-        columns,
+        frozen(t - t[0]),
+        {name: frozen(values) for name, values in table.items()},
         head.load,
-        head.sigma.angle,
+        sigma,
         rates,
         tuple(wrapped),
     )
@@ -223,10 +227,10 @@ def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> R
             raise ConfigurationError(
                 f"{path}: {name}: holds no number; leave the run out"
             )
-    angles = [n for n in file.inputs if file.inputs[n] == "position" and n in hinges]
-    angles += [
-        n for n, s in file.signals.items() if s.is_ == "position" and s.joint in hinges
-    ]
+    read: list[tuple[str, str | None, str | None]]
+    read = [(n, kind, n) for n, kind in file.inputs.items()]
+    read += [(n, s.is_, s.joint) for n, s in file.signals.items()]
+    angles = [n for n, kind, of in read if kind == "position" and of in hinges]
     return table, None, _unwrap(angles, t, table, path)
 
 
@@ -244,7 +248,8 @@ def _arm_columns(path: Path) -> dict[str, Array]:
     table = read_table(path)
     found = {"t": column(table, "t", path)}
     for i in range(1, 8):
-        q, commanded = column(table, f"q_{i}", path), column(table, f"q_d_{i}", path)
+        q = column(table, f"q_{i}", path)
+        commanded = column(table, f"q_d_{i}", path)
         found |= {
             f"joint{i}": q,
             f"tracking{i}": q - commanded,
@@ -262,9 +267,10 @@ def _unwrap(
         column = f"theta_{name}" if path.name == ANGLES else name
         table[name], rows = unwrapped(t, table[name], f"{path}: {column}")
         if rows:
+            first = rows[0]
             found.append(
                 f"{name} wraps by a turn at {plural(len(rows), 'row')}, first at row"
-                f" {rows[0]} ({t[rows[0]]:.2f} s): it is used without"
+                f" {first} ({t[first]:.2f} s): it is used without"
             )
     return found
 
@@ -318,13 +324,15 @@ def cut_recording(recording: Recording, columns: Sequence[str], least: float) ->
     Readings in which a column is absent are left out, and of a sample all but
     PER_BLOCK.
     """
-    width = max(least, recording.t[-1] * PER_BLOCK / MOST_READINGS)
+    t = recording.t
+    width = max(least, t[-1] * PER_BLOCK / MOST_READINGS)
     values = np.array([recording.columns[c] for c in columns])
     good = np.flatnonzero(np.isfinite(values).all(axis=0))
-    starts = np.flatnonzero(np.diff(np.floor(recording.t[good] / width))) + 1
+    starts = np.flatnonzero(np.diff(np.floor(t[good] / width))) + 1
     chosen = [_thinned(inside) for inside in np.split(good, starts)]
-    edges, kept = np.cumsum([0, *map(len, chosen)]), np.concatenate(chosen)
-    return Cut(frozen(recording.t[kept]), frozen(values[:, kept]), edges, width)
+    edges = np.cumsum([0, *map(len, chosen)])
+    kept = np.concatenate(chosen)
+    return Cut(frozen(t[kept]), frozen(values[:, kept]), edges, width)
 
 
 def _thinned(rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -348,7 +356,7 @@ def samples(signals: Sequence[Signal], cut: Cut, phase: Words) -> Samples:
     (b,).
     """
     counts = np.diff(cut.edges)
-    middle = np.add.reduceat(cut.t, cut.edges[:-1]) / counts
+    middle, _ = average(cut.t[None], cut.edges)
     # the error of a torque is ripple, supply and constants, which a mean does not make
     # smaller
     return Samples.stack(

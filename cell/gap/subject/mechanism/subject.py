@@ -5,9 +5,9 @@ ones.
 import copy
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -65,8 +65,7 @@ HARDLY = 0.03  # rad or m, travel of a joint below which it hardly shows anythin
 UNITS = {"Nm": "N m", "mrads": "mrad/s"}
 
 
-@dataclass(frozen=True, slots=True)
-class Content:
+class Content(NamedTuple):
     """Readings of a run, and inputs of its prediction: `load`, `motion` or `commands`.
 
     Phases are by the `speed` (k,) at its readings; `start` are positions and rates
@@ -81,8 +80,7 @@ class Content:
     start: tuple[Array, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
+class Case(NamedTuple):
     """One prediction of a run's signals, with the base and the `known` effects of a
     request.
 
@@ -123,7 +121,8 @@ class MechanismSubject(Subject):
         """Note that contacts are off; refuse models with parts that the mode would
         ignore.
         """
-        model = self.mechanism.model
+        mechanism = self.mechanism
+        model = mechanism.model
         colliding = (model.geom_contype > 0) & (model.geom_conaffinity > 0)
         if not model.npair and len(set(model.geom_bodyid[colliding])) > 1:
             self.untested = (("contacts", "they are off along the measured motion"),)
@@ -133,8 +132,8 @@ class MechanismSubject(Subject):
             )
         for left_out in self.not_honoured():
             raise ConfigurationError(
-                f"{self.mechanism.path}: model: {left_out}: would be left out in mode"
-                f" {self.mechanism.mode.name}; take it out of the model, or compare in"
+                f"{mechanism.path}: model: {left_out}: would be left out in mode"
+                f" {mechanism.mode.name}; take it out of the model, or compare in"
                 " the other mode"
             )
 
@@ -181,25 +180,19 @@ class MechanismSubject(Subject):
 
     def _run(self, recording: Recording) -> FitRun:
         """Run for the engine: samples with their phases, and the run's own unknowns."""
-        signals = self.mechanism.signals
-        cut = cut_recording(
-            recording, [s.name for s in signals], BLOCK / self.mechanism.pace
-        )
+        mechanism = self.mechanism
+        signals = mechanism.signals
+        names = [s.name for s in signals]
+        cut = cut_recording(recording, names, BLOCK / mechanism.pace)
         content = self._content(recording, cut)
         if recording.sigma:
             signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
-        local = initial_state(self.mechanism, content.start) if content.start else ()
+        local = initial_state(mechanism, content.start) if content.start else ()
         local += tuple(source.parameter for source in self._scatter.values())
         speed, _ = average(content.speed[None], content.cut.edges)
         known = samples(signals, content.cut, phases(speed))
-        return FitRun(
-            recording.name,
-            recording.condition,
-            known,
-            local,
-            content,
-            recording.index or 0,
-        )
+        order = recording.index or 0
+        return FitRun(recording.name, recording.condition, known, local, content, order)
 
     def simulate(self, requests: Sequence[SimulationRequest]) -> list[Residuals]:
         """Residuals of `requests`, measured minus simulated; NaN where a simulation
@@ -216,15 +209,18 @@ class MechanismSubject(Subject):
     def _case(self, request: SimulationRequest) -> Case:
         """Prediction that a request asks for, with its values in the model's units."""
         m = self.mechanism
-        content: Content = request.run.content
-        count, n = len(m.base), len(m.joints)
+        run = request.run
+        local = request.local
+        content: Content = run.content
+        count = len(m.base)
+        n = len(m.joints)
         owners = np.array([p.name.partition(".")[0] for p in self.scope.base])
         accepted = {name: request.base[owners == name] for name in m.file.effects}
         known = [
             (library()[n], values)
             for n, values in {**accepted, **request.effects}.items()
         ]
-        pairs = zip(request.run.local, request.local, strict=True)
+        pairs = zip(run.local, local, strict=True)
         unknowns = {p.name: value for p, value in pairs}
         base = np.array(request.base[:count])
         for i, source in self._scatter.items():  # a fit leaves some of them out
@@ -232,10 +228,10 @@ class MechanismSubject(Subject):
         start = content.start
         # then `initial_state` made the first unknowns
         if f"angle_{m.joints[0].name}" in unknowns:
-            start = request.local[:n], request.local[n : 2 * n]
+            start = local[:n], local[n : 2 * n]
         edited = partial(self._edited, content.load, base, known)
         moving = [(e.name, v.tobytes()) for e, v in known if e.moves(m) and v.any()]
-        motion = (request.run.name, *moving, *(x.tobytes() for x in (base, *start)))
+        motion = (run.name, *moving, *(x.tobytes() for x in (base, *start)))
         return Case(content, edited, readings_of(known), known, start, motion)
 
     def _edited(
@@ -244,7 +240,8 @@ class MechanismSubject(Subject):
         """Copy of a `model` with base (k,), load of a run and effects in its fields or
         laws.
         """
-        m, edited = self.mechanism, copy.copy(model)
+        m = self.mechanism
+        edited = copy.copy(model)
         for b, value in zip(m.base, base, strict=True):
             b.put(edited, value)
         if load:
@@ -253,7 +250,8 @@ class MechanismSubject(Subject):
             if not values.any():
                 continue
             if effect.law and not effect.by_fields(m):
-                at, table = torques().at[effect.name], effect.table(m, values)
+                at = torques().at[effect.name]
+                table = effect.table(m, values)
                 edited.jnt_user[:, at : at + len(table)] = table.T
             elif effect.edit:
                 effect.edit(m, values, edited)
@@ -301,10 +299,8 @@ class MechanismSubject(Subject):
     def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:
         """MJCF text of the model with refitted base and named effects."""
         m = self.mechanism
-        known = [
-            (library()[n], ordered_values(library()[n], m, v))
-            for n, v in effects.items()
-        ]
+        given = [(library()[name], values) for name, values in effects.items()]
+        known = [(effect, ordered_values(effect, m, v)) for effect, v in given]
         stated = np.array([base[b.parameter.name] for b in m.base])
         return accepted_xml(m, self._edited(None, stated, known, m.model))
 

@@ -3,7 +3,7 @@ the gripper.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,8 +39,7 @@ TOUCH_ROUNDING = 1e-3
 DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
 
 
-@dataclass(frozen=True, slots=True)
-class Contradiction:
+class Contradiction(NamedTuple):
     """What of a `file` is `off` by how much (n,) [m, rad, s], and the limits of that.
 
     Beyond the first limit the median is noted, beyond the last one refused.
@@ -56,27 +55,29 @@ def contradictions(
     run: Run, touch: Touch | None, strip: StripFile
 ) -> Iterator[Contradiction]:
     """Yield contradictions of a recorded fold with a strip of the stated length."""
+    length = strip.length
     yield from _misses_of_rows(run)
-    yield from _misses_of_start(run, strip.length)
-    yield from _misses_of_path(run, strip.length)
+    yield from _misses_of_start(run, length)
+    yield from _misses_of_path(run, length)
     stated = None if run.result is None else run.result.displacement
     if touch is not None and stated is not None:
-        yield _miss_of_displacement(run, stated, touch, strip.length)
-        yield from _misses_of_touch(run, touch, strip.length)
+        yield _miss_of_displacement(run, stated, touch, length)
+        yield from _misses_of_touch(run, touch, length)
     yield from _misses_of_midlines(run)
 
 
 def _misses_of_rows(run: Run) -> Iterator[Contradiction]:
     """Contradictions of the times of rows, and of commands with what was measured."""
     ticks = run.ticks
-    apart = np.diff(ticks.t)
+    t = run.ticks.t
+    z = run.ticks.z
+    apart = np.diff(t)
     yield Contradiction(TICKS, "t: in s, half the rows are apart by", apart, PERIOD)
-    after = ticks.t[apart.argmax()]
-    what = f"t: after {after:.2f} s two rows are apart by"
+    what = f"t: after {t[apart.argmax()]:.2f} s two rows are apart by"
     yield Contradiction(TICKS, what, apart.max(), GAP)
 
-    off_command = np.nan_to_num([ticks.x_cmd - ticks.x, ticks.z_cmd - ticks.z])
-    lag = np.hypot(*off_command)[ticks.z > HELD[0]]
+    off_command = np.nan_to_num([ticks.x_cmd - ticks.x, ticks.z_cmd - z])
+    lag = np.hypot(*off_command)[z > HELD[0]]
     what = "x_cmd, z_cmd: half lie off the gripper by"
     yield Contradiction(TICKS, what, lag, ODD)
 
@@ -86,7 +87,8 @@ def _misses_of_start(run: Run, length: float) -> Iterator[Contradiction]:
     `length`.
     """
     ticks = run.ticks
-    x, z = float(ticks.x[0]), float(ticks.z[0])
+    x = float(ticks.x[0])
+    z = float(ticks.z[0])
     at = f"start at x {x:.3f}, z {z:.3f} m is"
     if run.header.start == "hanging":
         upright = abs(ticks.pitch[0] - np.pi / 2)
@@ -103,7 +105,10 @@ def _misses_of_path(run: Run, length: float) -> Iterator[Contradiction]:
     """Contradictions of the gripper's path and the contacts with a strip of a
     `length`.
     """
-    x, z, contact = run.ticks.x, run.ticks.z, run.ticks.contact_x
+    ticks = run.ticks
+    x = ticks.x
+    z = ticks.z
+    contact = ticks.contact_x
     what = "z: half the path lies under the desk by"
     yield Contradiction(TICKS, what, -z, START)
     if run.result is not None:
@@ -133,13 +138,14 @@ def _misses_of_touch(run: Run, touch: Touch, length: float) -> Iterator[Contradi
     """Contradictions of l1 and l2 with the strip's `length` and the way to the
     gripper.
     """
-    l1, l2, ticks = touch.to_grasped, touch.to_fixed, run.ticks
+    l1 = touch.to_grasped
+    l2 = touch.to_fixed
+    ticks = run.ticks
     what = "l1, l2: are longer than the strip by"
     yield Contradiction(RESULT, what, l1 + l2 - length, HELD)
 
     late = TIME_MARGIN * np.linspace(-1, 1, 41)  # as a stopwatch
-    x = np.interp(touch.time + late, ticks.t, ticks.x)
-    z = np.interp(touch.time + late, ticks.t, ticks.z)
+    x, z = (np.interp(touch.time + late, ticks.t, row) for row in (ticks.x, ticks.z))
     layer = np.hypot(x - l2, z)
     what = "l1: ends before the gripper by"
     yield Contradiction(RESULT, what, float(layer.min()) - l1, HELD)
@@ -158,34 +164,38 @@ def _misses_of_midlines(run: Run) -> Iterator[Contradiction]:
     curves = dict(run.profile.curves())
     if not curves:
         return
-    ticks, t = run.ticks, np.array([*curves])
+    ticks = run.ticks
+    t = np.array([*curves])
+    rows = ticks.t
     path = np.column_stack([ticks.x, ticks.z])
-    ends = np.array([curve[-1] for curve in curves.values()])
-    off = ends - interpolate_columns(t, ticks.t, path)
+    each = curves.values()
+    ends = np.array([curve[-1] for curve in each])
+    off = ends - interpolate_columns(t, rows, path)
+    hidden = np.hypot(*off.T)
     what = "x, z: half the midlines end off the gripper by"
-    yield Contradiction(PROFILE, what, np.hypot(*off.T), HELD)
+    yield Contradiction(PROFILE, what, hidden, HELD)
 
-    before = [curve[-1 - len(curve) // FEWEST_POINTS] for curve in curves.values()]
-    along = ends - np.array(before)
-    slope = np.arctan2(along[:, 1], along[:, 0])
-    turn = slope - np.interp(t, ticks.t, ticks.pitch)
+    before = [curve[-1 - len(curve) // FEWEST_POINTS] for curve in each]
+    along = (ends - np.array(before)).T
+    seen = np.hypot(*along)
+    slope = np.arctan2(*along[::-1])
+    turn = slope - np.interp(t, rows, ticks.pitch)
     turn = np.remainder(turn + np.pi, 2.0 * np.pi) - np.pi
-    is_known = along.any(axis=1)
     what = "x, z: half the midlines leave its pitch by"
-    yield Contradiction(PROFILE, what, np.abs(turn[is_known]), TURN)
+    yield Contradiction(PROFILE, what, np.abs(turn[seen > 0.0]), TURN)
 
     up = _rise_of_beginnings(run, curves)
-    speed = interpolate_columns(t + 0.05, ticks.t, path)
-    speed = (speed - interpolate_columns(t - 0.05, ticks.t, path)) / 0.1
+    later, earlier = (interpolate_columns(t + s, rows, path) for s in (0.05, -0.05))
     # the way to the gripper is the chord of an arc from the last piece's middle on, or
     # straight where no pitch was recorded
-    hidden, seen = np.hypot(*off.T), np.hypot(*along.T)
     to_middle = (seen + hidden) / np.maximum(seen + 2.0 * hidden, SHORTEST_ARC)
     chord = slope - np.nan_to_num(turn) * to_middle
-    normal = np.column_stack([-np.sin(chord), np.cos(chord)])
-    distance = ((off - (0.0, up)) * normal).sum(axis=1)
-    per_delay = (-speed * normal).sum(axis=1)
-    yield from _misses_beside(np.column_stack([distance, per_delay, normal[:, 0]]), up)
+    normal = np.array([-np.sin(chord), np.cos(chord)])
+    distance, per_delay = (
+        np.einsum("nk,kn->n", moved, normal)
+        for moved in (off - (0.0, up), (earlier - later) / 0.1)
+    )
+    yield from _misses_beside(np.column_stack([distance, per_delay, normal[0]]), up)
     yield from _misses_of_contacts(run, curves)
 
 
@@ -194,13 +204,13 @@ def _rise_of_beginnings(run: Run, curves: Mapping[float, Array]) -> float:
 
     Zero where they are not seen down to the desk.
     """
-    times = np.array([*curves])
-    is_lifted = np.interp(times, run.ticks.t, run.ticks.z) > HELD[0]
+    (highest,) = HELD
+    is_lifted = np.interp([*curves], run.ticks.t, run.ticks.z) > highest
     heights = np.array([curve[0, 1] for curve in curves.values()])[is_lifted]
     if not len(heights):
         return 0.0
     up = float(np.median(heights)) - run.header.contact_height
-    return up if up < HELD[0] else 0.0  # others see the upper part alone
+    return up if up < highest else 0.0  # others see the upper part alone
 
 
 def _misses_beside(across: Array, up: float) -> Iterator[Contradiction]:
@@ -251,6 +261,7 @@ def _delay_and_shift(across: Array) -> tuple[float, float]:
     / SPREADS|^2.
     """
     near = across[np.abs(across[:, 0]) < HELD[0]] / (END_ERROR * np.sqrt(len(across)))
-    rows = np.concatenate([near, np.column_stack([np.zeros(2), np.diag(1 / SPREADS)])])
-    delay, shift = np.linalg.lstsq(rows[:, 1:], rows[:, 0])[0].tolist()
-    return delay, shift
+    off, *slopes = near.T
+    columns = np.vstack([np.transpose(slopes), np.diag(1 / SPREADS)])
+    (delay, shift), *_ = np.linalg.lstsq(columns, np.pad(off, (0, 2)))
+    return float(delay), float(shift)

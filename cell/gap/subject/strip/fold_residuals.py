@@ -4,6 +4,7 @@ errors.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,17 +68,19 @@ def phases(run: MeasuredRun, t: Array) -> Words:
     """Phase of the fold (n,), such as `lift` or `carry`, at each of the times `t` (n,)
     [s].
     """
+    rows = run.t
+    end = run.end
     speed, back = _averaged_motion(run, t)
-    speeds, _ = _averaged_motion(run, np.arange(run.t[0], run.end, SPEED_INTERVAL))
+    speeds, _ = _averaged_motion(run, np.arange(rows[0], end, SPEED_INTERVAL))
     moving = speeds > STANDING_SPEED
     usual_speed = np.median(speeds[moving]) if moving.any() else GUESSED_SPEED
     risen = run.poses[:, 1] >= TAKEOVER_HEIGHT
-    lifted = run.t[np.argmax(risen)] if risen.any() and not run.hanging else run.end
+    lifted = rows[np.argmax(risen)] if risen.any() and not run.hanging else end
     words = np.full(len(t), "carry", dtype="U8")
     words[back > RETURN_SPEED * usual_speed] = "return"
     words[speed < HOLD_SPEED * usual_speed] = "hold"
     if run.touch:
-        words[t > run.end - FALL] = "fall"
+        words[t > end - FALL] = "fall"
     words[t < lifted] = "lift"
     return words
 
@@ -94,11 +97,12 @@ def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
     """Speed (n,) [m/s] and velocity (n,) along x of the gripper, averaged, at `t` (n,)
     [s].
     """
-    ends = [
-        np.clip(t + side * AVERAGING_TIME / 2, run.t[0], run.t[-1]) for side in (-1, 1)
-    ]
-    before, after = (interpolate_columns(end, run.t, run.poses[:, :2]) for end in ends)
-    rate = (after - before) / np.maximum(ends[1] - ends[0], 1e-9)[:, None]
+    rows = run.t
+    half = AVERAGING_TIME / 2
+    begin, end = (np.clip(t + side, rows[0], rows[-1]) for side in (-half, half))
+    places = run.poses[:, :2]
+    before, after = (interpolate_columns(at, rows, places) for at in (begin, end))
+    rate = (after - before) / np.maximum(end - begin, 1e-9)[:, None]
     return np.hypot(*rate.T), rate[:, 0]
 
 
@@ -122,8 +126,7 @@ class SampleGroups:
         return len(self.t)
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
+class Layout(NamedTuple):
     """Samples of a fold by channel: profile, contact, force along x and z, and touch if
     any.
     """
@@ -136,25 +139,20 @@ class Layout:
 
 def layout(run: MeasuredRun, length: float) -> Layout:
     """Group the readings of the fold `run` of a strip of `length` [m] into samples."""
-    images, sigma = run.images, run.sigma
-    profile = _part(
-        run,
-        images.stamps[images.image],
-        zones(images.s, length),
-        sigma.profile,
-        FEWEST_POINTS,
-    )
+    (stamps, _, image, s), sigma = run.images, run.sigma
+    profile = _part(run, stamps[image], zones(s, length), sigma.profile, FEWEST_POINTS)
     # a soft strip that is pushed along the desk buckles at its fixed edge or not, by
     # chance
-    buckled = (run.contact_x < length / 3) & (phases(run, run.contact_t) == "lift")
-    contact = _part(
-        run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, buckled
-    )
+    t = run.contact_t
+    x = run.contact_x
+    buckled = (x < length / 3) & (phases(run, t) == "lift")
+    contact = _part(run, t, zones(x, length), sigma.contact_x, 1, buckled)
     force = _force_part(run, length, 0), _force_part(run, length, 1)
     # a camera's error shifts the whole image
-    fraction = np.hypot(1.0, (run.plane_error or 0.0) / FLOORS["profile"])
+    floor = FLOORS["profile"]
+    fraction = np.hypot(1.0, (run.plane_error or 0.0) / floor)
     columns = [
-        *_columns(profile, "profile", fraction * FLOORS["profile"], by_zone=True),
+        *_columns(profile, "profile", fraction * floor, by_zone=True),
         *_columns(contact, "contact_x", fraction * FLOORS["contact_x"]),
         *(each for part in force for each in _columns(part, "force", FLOORS["force"])),
         *_touch_columns(run),
@@ -193,11 +191,8 @@ def _part(
     compared = lifted & (t >= run.t[0]) & (t < end)
     used = np.flatnonzero(compared if left_out is None else compared & ~left_out)
     phase = phases(run, t)
-    ranks = [
-        _ranks(zone, ZONES),
-        np.floor(t / span),
-        _ranks(phase, list(dict.fromkeys(phase))),
-    ]
+    order = list(dict.fromkeys(phase))
+    ranks = _ranks(zone, ZONES), np.floor(t / span), _ranks(phase, order)
     keys = np.stack(ranks)[:, used]
     sorting = np.lexsort(keys[::-1])  # by zone, then slot, then phase
     borders = np.flatnonzero(np.diff(keys[:, sorting]).any(axis=0)) + 1
@@ -223,22 +218,22 @@ def _columns(
     part: SampleGroups, channel: str, floor: float, *, by_zone: bool = False
 ) -> list[Series]:
     """Time series of the samples of `part`: one for all, or one for each zone."""
-    noise = part.sigma / np.sqrt(np.maximum(np.diff(part.edges), 1))
-    series = (
-        [part.zone == z for z in ZONES] if by_zone else [np.ones(len(part), dtype=bool)]
-    )
+    sigma = part.sigma
+    zone = part.zone
+    noise = sigma / np.sqrt(np.maximum(np.diff(part.edges), 1))
+    groups = [[z] for z in ZONES] if by_zone else [ZONES]
     return [
         Series(
             channel=channel,
             quantity=channel,
             phase=part.phase[rows],
-            zone=part.zone[rows],
+            zone=zone[rows],
             t=part.t[rows],
             noise=noise[rows],
-            reading=part.sigma,
+            reading=sigma,
             floor=floor,
         )
-        for rows in series
+        for rows in (np.isin(zone, group) for group in groups)
     ]
 
 
@@ -251,7 +246,8 @@ def _touch_columns(run: MeasuredRun) -> list[Series]:
     """
     if not run.touch:
         return []
-    sigma, floor = run.sigma.displacement, FLOORS["displacement"]
+    sigma = run.sigma.displacement
+    floor = FLOORS["displacement"]
     sizes = {
         "touch_time": (run.sigma.touch_time or TOUCH_TIME, FLOORS["touch_time"]),
         "touch_x": (sigma / 2, floor / 2),
@@ -291,17 +287,15 @@ class FoldResiduals:
         """Residuals against the simulated `motion` of `model`; NaN where the motion is
         None.
         """
+        profile, _, along_axes, samples = self.layout
         if not motion:
-            lost = np.full(len(self.layout.samples), np.nan)
+            lost = np.full(len(samples), np.nan)
             return Residuals(lost, lost.copy())
-        profile, force = self.layout.profile, self._force_residuals(model, motion)
+        force = self._force_residuals(model, motion)
         channels = [
             average(self.distances(model, motion, profile.order), profile),
             self._contact_averages(model, motion),
-            *(
-                average(force[p.order, axis], p)
-                for axis, p in enumerate(self.layout.force)
-            ),
+            *(average(force[p.order, axis], p) for axis, p in enumerate(along_axes)),
             self._touch_residuals(model, motion),
         ]
         mean, square = (np.concatenate(rows) for rows in zip(*channels, strict=True))
@@ -320,14 +314,13 @@ class FoldResiduals:
 
         `points` (n,) are their indices.
         """
-        images = self.run.images
+        _, places, image, s = self.run.images
         distances = np.empty(len(points))
-        if len(points):
-            places = np.ascontiguousarray(true_points(model, images.points[points]))
+        if len(distances):
             signed_distances(
-                places,
-                images.image[points],
-                images.s[points],
+                np.ascontiguousarray(true_points(model, places[points])),
+                image[points],
+                s[points],
                 self.shape_index(model, motion),
                 motion.shapes,
                 motion.arc * self.length,
@@ -347,9 +340,11 @@ class FoldResiduals:
         leaves the desk.
         """
         limit = CONTACT_LIMIT * self.bending_length
-        measured = self.run.contact_x[self.layout.contact.order]
+        run = self.run
+        part = self.layout.contact
         observation = model.observation
-        time = imaged_time(observation, self.run.contact_t[self.layout.contact.order])
+        measured = run.contact_x[part.order]
+        time = imaged_time(observation, run.contact_t[part.order])
         simulated = np.interp(time, motion.t, motion.contact_x)
         residuals = measured - measured_contact(observation, simulated)
         far = np.abs(residuals) >= limit
@@ -358,13 +353,14 @@ class FoldResiduals:
             ends + residuals[far],
             motion.index_at(time[far]),
             motion.shapes,
-            self.run.contact_height,
+            run.contact_height,
             ends,
         )
         residuals[far] = measured[far] - measured_contact(observation, ends)
-        mean, square = average(residuals, self.layout.contact)
-        near = np.abs(mean) < limit
-        return np.where(near, mean, np.nan), np.where(near, square, np.nan)
+        averages = average(residuals, part)
+        near = np.abs(averages[0]) < limit
+        mean, square = np.where(near, averages, np.nan)
+        return mean, square
 
     def _force_residuals(self, model: StripModel, motion: SimulatedMotion) -> Array:
         """Measured minus simulated force (f, 2) [N] along x and z, NaN where not
@@ -383,12 +379,12 @@ class FoldResiduals:
 
         Both are empty (0,) where the run measured no touch.
         """
-        if not self.run.touch:
+        run = self.run
+        if not run.touch:
             return np.empty(0), np.empty(0)
-        simulated = simulated_touch(self.run, model, motion)
-        if not simulated:
-            return np.full(3, np.nan), np.full(3, np.nan)
-        mean = _touch_values(self.run.touch) - _touch_values(simulated)
+        simulated = simulated_touch(run, model, motion)
+        found = _touch_values(simulated) if simulated else np.full(3, np.nan)
+        mean = _touch_values(run.touch) - found
         return mean, mean**2
 
 
@@ -401,12 +397,13 @@ def simulated_touch(
 
     Along the reported `path` the gripper moves; `motion` is the true one.
     """
-    if not motion.touch:
+    touch = motion.touch
+    if not touch:
         return None
-    grip = interpolate_columns(motion.touch.time, motion.t, motion.poses)
-    stamp = image_stamp(model.observation, motion.touch.time)
+    grip = interpolate_columns(touch.time, motion.t, motion.poses)
+    stamp = image_stamp(model.observation, touch.time)
     reported = interpolate_columns(stamp, path.t, path.poses)
-    return measured_touch(model, motion.touch, grip, reported)
+    return measured_touch(model, touch, grip, reported)
 
 
 def _touch_values(touch: Touch) -> Array:
@@ -421,7 +418,7 @@ def average(values: Array, part: SampleGroups) -> tuple[Array, Array]:
     """Mean and mean square (k,), in SI, of the readings (n,) of each sample, outliers
     clipped.
     """
-    mean, square = np.empty(len(part)), np.empty(len(part))
-    if len(part):
+    mean, square = np.empty((2, len(part)))
+    if len(mean):
         group_means(np.ascontiguousarray(values), part.edges, part.sigma, mean, square)
     return mean, square

@@ -125,22 +125,17 @@ def common_errors(samples: Samples, past: NDArray[np.bool_]) -> dict[str, Array]
     """
     halves = np.where(past, "past", "before")
     sizes = CameraBias.shipped()
-    profile = samples.quantity == "profile"
-    errors = {"near edge": frozen(sizes.edge * profile * np.where(past, 1.0, -1.0))}
+    quantities = samples.quantity
+    sides = np.where(quantities == "profile", np.where(past, 1.0, -1.0), 0.0)
+    errors = {"near edge": frozen(sizes.edge * sides)}
     one_group = np.full(len(halves), "")
-    groups_of = {
-        "profile": np.array(
-            [f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)]
-        ),
-        "contact_x": halves,
-    }
+    zones = [f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)]
+    groups_of = {"profile": np.array(zones), "contact_x": halves}
     for quantity in ("profile", "contact_x", "touch_time", "touch_x", "displacement"):
-        measured = samples.quantity == quantity
+        measured = quantities == quantity
+        size = getattr(sizes, quantity)
         groups = groups_of.get(quantity, one_group)
         for group in dict.fromkeys(map(str, groups[measured])):
             members = measured & (groups == group)
-            size = getattr(sizes, quantity)
-            errors[f"{quantity} {group}".strip()] = frozen(
-                size * members.astype(np.float64)
-            )
+            errors[f"{quantity} {group}".strip()] = frozen(np.where(members, size, 0.0))
     return errors

@@ -25,7 +25,8 @@ def interpolate_midlines(shapes: Any, places: Any) -> Any:
     for m in range(len(places)):
         place = min(max(places[m], 0.0), len(shapes) - 1.0)
         j = int(place)
-        k, w = min(j + 1, len(shapes) - 1), place - j
+        k = min(j + 1, len(shapes) - 1)
+        w = place - j
         curves[m] = (1.0 - w) * shapes[j] + w * shapes[k]
     return curves
 
@@ -35,7 +36,8 @@ def chord(curve: Any, q: int) -> Any:
     """Vector x, z [m] and length [m] of segment `q` of `curve` (nodes, 2), as one
     triple.
     """
-    x, z = curve[q + 1, 0] - curve[q, 0], curve[q + 1, 1] - curve[q, 1]
+    x = curve[q + 1, 0] - curve[q, 0]
+    z = curve[q + 1, 1] - curve[q, 1]
     return x, z, math.hypot(x, z)
 
 
@@ -56,7 +58,8 @@ def _distances_to_segment(
     The arc over the segment's chord `base` has the mean curvature `bend` [1/m].
     """
     dx, dz, length = base
-    tx, tz = dx / length, dz / length
+    tx = dx / length
+    tz = dz / length
     along = ((x - curve[q, 0]) * tx + (z - curve[q, 1]) * tz) / length
     across = (z - curve[q, 1]) * tx - (x - curve[q, 0]) * tz
     low = 0.0 if q > 0 else -math.inf
@@ -75,20 +78,24 @@ def _signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
     `q`.
     """
     last = len(curve) - 1
-    best, nearest = math.inf, 0.0
+    best = math.inf
+    nearest = 0.0
     base = chord(curve, max(q - 1, 0))
     # straight at both ends
     bend = curvature(chord(curve, q - 2), base) if q > 1 else 0.0
     for segment in range(max(q - 1, 0), min(q + 1, last)):
-        ahead, bend_ahead = base, 0.0
+        ahead = base
+        bend_ahead = 0.0
         if segment + 1 < last:
             ahead = chord(curve, segment + 1)
             bend_ahead = curvature(base, ahead)
         mean = 0.5 * (bend + bend_ahead)
         distance, signed = _distances_to_segment(curve, segment, base, mean, x, z)
         if distance < best:
-            best, nearest = distance, signed
-        base, bend = ahead, bend_ahead
+            best = distance
+            nearest = signed
+        base = ahead
+        bend = bend_ahead
     return nearest
 
 
@@ -107,11 +114,13 @@ def _nearest_among(curve: Any, nodes: Any, x: float, z: float) -> Any:
     """Index, among the indices `nodes`, of the node of `curve` (n, 2) nearest to point
     x, z.
     """
-    best, least = 0, math.inf
+    best = 0
+    least = math.inf
     for q in nodes:
         square = (curve[q, 0] - x) ** 2 + (curve[q, 1] - z) ** 2
         if square < least:
-            best, least = q, square
+            best = q
+            least = square
     return best
 
 
@@ -143,7 +152,9 @@ def signed_distances(
     """
     curves = interpolate_midlines(shapes, places)
     for p in range(len(points)):
-        curve, x, z = curves[image[p]], points[p, 0], points[p, 1]
+        curve = curves[image[p]]
+        x = points[p, 0]
+        z = points[p, 1]
         low, high = _search_window(arc, near[p])
         q = _nearest_node(curve, low, high, x, z)
         distances[p] = _signed_distance(curve, q, x, z)
@@ -154,13 +165,16 @@ def _nearest_end(curve: Any, height: float, x: float, contact: float) -> Any:
     """x [m] nearest to `x` where a lying strip rises above `height` [m], or `contact`
     if nearer.
     """
-    nearest, q = contact, 1
+    nearest = contact
+    q = 1
     # up to the fold's rightmost point
     while q < len(curve) and curve[q, 0] >= curve[q - 1, 0]:
-        low, high = curve[q - 1, 1], curve[q, 1]
+        low = curve[q - 1, 1]
+        high = curve[q, 1]
         if low <= height < high:
+            begin = curve[q - 1, 0]
             fraction = (height - low) / (high - low)
-            place = curve[q - 1, 0] + fraction * (curve[q, 0] - curve[q - 1, 0])
+            place = begin + fraction * (curve[q, 0] - begin)
             if abs(place - x) < abs(nearest - x):
                 nearest = place
         q += 1

@@ -5,6 +5,8 @@ rod.
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,8 +55,7 @@ PATH_TOLERANCE = np.array(
 SAME_START = 1e-3  # s between the beginnings of two paths
 
 
-@dataclass(frozen=True, slots=True)
-class Linearisation:
+class Linearisation(NamedTuple):
     """Derivatives of a fold's residuals (n,) near one model, and their errors by a
     coarse rod.
 
@@ -136,23 +137,18 @@ def prepare_runs(
     """
     every = [_fold(run, strip) for run in runs]
     found = [fold for fold in every if len(fold.samples)]
-    stated = [hashed_model(describe(strip, index=f.residuals.run.index)) for f in found]
+    stated = [hashed_model(describe(strip, index=fold.run.index)) for fold in found]
     folds = _with_leaders(_resolve(found, stated, simulate))
-    nominal = [f.job(model) for f, model in zip(folds, stated, strict=True)]
+    nominal = [*map(PreparedFold.job, folds, stated)]
     local = tuple(e.parameter for e in scatter)
+    linearised = linearise_folds(folds, nominal, simulate, scatter)
     prepared = []
-    for fold, about in zip(
-        folds, linearise_folds(folds, nominal, simulate, scatter), strict=True
-    ):
-        run, samples = fold.run, fold.samples
+    for fold, about in zip(folds, linearised, strict=True):
+        run = fold.run
+        repeats = fold.leader is not None
+        content = local, fold, run.index
         bare = FitRun(
-            run.name,
-            run.condition,
-            samples,
-            local,
-            fold,
-            run.index,
-            replicate=fold.leader is not None,
+            run.name, run.condition, fold.samples, *content, replicate=repeats
         )
         prepared.append(relinearise(bare, about))
     return prepared
@@ -167,26 +163,25 @@ def linearise_folds(
     """Linearisation of the residuals of each of `folds` about its simulation in
     `jobs`.
     """
+    pairs = [*zip(folds, jobs, strict=True)]
     moved = [
-        f.job(hashed_model(effect.apply(job.model, effect.step)))
-        for f, job in zip(folds, jobs, strict=True)
+        fold.job(hashed_model(effect.apply(job.model, effect.step)))
+        for fold, job in pairs
         for effect in scatter
     ]
     fold_of_moved = [fold for fold in folds for _ in scatter]
-    found = _residuals([*folds, *fold_of_moved], [*jobs, *moved], simulate)
-    nominal, perturbed = found[: len(folds)], iter(found[len(folds) :])
+    found = iter(_residuals([*folds, *fold_of_moved], [*jobs, *moved], simulate))
+    nominal = [*islice(found, len(pairs))]
     grid_errors = _grid_errors(folds, jobs, nominal, simulate)
     step_errors = _grid_errors(folds, jobs, nominal, simulate, (MEDIUM,))
     linearisations = []
-    for i, (fold, job) in enumerate(zip(folds, jobs, strict=True)):
+    rows = zip(pairs, nominal, grid_errors, step_errors, strict=True)
+    for (fold, job), stated, *errors in rows:
         limit = LARGEST_CHANGE * fold.samples.floor
-        grid_error = _drop_large(grid_errors[i], limit)
-        step_error = _drop_large(step_errors[i], limit)
+        grid_error, step_error = (_drop_large(error, limit) for error in errors)
         doubt = np.hypot(TRUSTED * (grid_error - step_error), STEP_TRUSTED * step_error)
         slopes = {
-            effect.name: frozen(
-                _drop_large(next(perturbed) - nominal[i], limit) / effect.step
-            )
+            effect.name: frozen(_drop_large(next(found) - stated, limit) / effect.step)
             for effect in scatter
         }
         length = job.model.mechanics.length
@@ -212,7 +207,7 @@ def _resolve(
     """Copies of `folds`, with a finer rod where the coarse one errs beyond model
     error.
     """
-    jobs = [fold.job(model) for fold, model in zip(folds, models, strict=True)]
+    jobs = [*map(PreparedFold.job, folds, models)]
     errors = _grid_errors(
         folds, jobs, _residuals(folds, jobs, simulate), simulate, (FINE,)
     )
@@ -238,7 +233,7 @@ def _grid_errors(
     errors = [np.zeros_like(values) for values in residuals]
     doubted = list(range(len(folds)))
     for resolution in finer:
-        fine_jobs = [replace(jobs[i], resolution=resolution) for i in doubted]
+        fine_jobs = [jobs[i]._replace(resolution=resolution) for i in doubted]
         fine = _residuals([folds[i] for i in doubted], fine_jobs, simulate)
         for i, values in zip(doubted, fine, strict=True):
             errors[i] = residuals[i] - values
@@ -251,8 +246,7 @@ def _is_doubted(fold: PreparedFold, error: Array) -> bool:
     (rms).
     """
     floors = np.nan_to_num(error / fold.samples.floor)
-    rms: float = np.linalg.norm(floors) / np.sqrt(max(len(floors), 1))
-    return rms > DOUBTED
+    return bool(floors @ floors > DOUBTED**2 * len(floors))
 
 
 def _common_errors(
@@ -265,10 +259,10 @@ def _common_errors(
     run.
     """
     errors = {}
-    if "damping" in linearisation.slopes:
-        errors["damping"] = frozen(
-            ModelError.shipped().damping * linearisation.slopes["damping"]
-        )
+    key = "damping"
+    slopes = linearisation.slopes
+    if key in slopes:
+        errors[key] = frozen(ModelError.shipped().damping * slopes[key])
     if run.plane_error is not None:
         x = np.interp(samples.t, run.t, run.poses[:, 0])
         errors |= common_errors(samples, x < linearisation.length / 2)
@@ -299,18 +293,15 @@ def _drop_large(change: Array, limit: Array) -> Array:
 
 def _fold(run: MeasuredRun, strip: StripFile) -> PreparedFold:
     """Measured fold `run` with its samples and paths, not linearised yet."""
-    samples_layout = layout(run, strip.length)
+    length = strip.length
+    samples_layout = layout(run, length)
     during = run.t <= run.end + LATER
     path = GripperPath(run.t[during], run.poses[during], run.hanging)
-    residuals = FoldResiduals(run, samples_layout, strip.length, strip.bending_length)
+    residuals = FoldResiduals(run, samples_layout, length, strip.bending_length)
     no_error = np.zeros(len(samples_layout.samples))
-    exact = Linearisation(no_error, no_error, {}, strip.length)
-    return PreparedFold(
-        path=Hashed.of(path),
-        lifted_path=Hashed.of(_lifted_path(path, run)),
-        residuals=residuals,
-        linearisation=exact,
-    )
+    exact = Linearisation(no_error, no_error, {}, length)
+    lifted = Hashed.of(_lifted_path(path, run))
+    return PreparedFold(Hashed.of(path), lifted, residuals, exact)
 
 
 def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
@@ -320,19 +311,23 @@ def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
     A strip lifted by z draws the grip in by about z^2: so does this one, until it joins
     `path`.
     """
-    travel = run.travel[: len(path.t)]
+    t = path.t
+    poses = path.poses.copy()
+    travel = run.travel[: len(t)]
     fraction = travel / LEAVING_TRAVEL
     lying = fraction < 1.0
-    places = path.poses[:, :2]
+    places = poses[:, :2]
     along, up = interpolate_columns(LEAVING_TRAVEL, travel, places) - places[0]
     pushes_strip = -along > STEEP * up
     if path.hanging or lying.all() or not pushes_strip:
         return path
-    poses, start = path.poses.copy(), path.poses[0, 0]
+    x = poses[:, 0]
+    start = x[0]
+    left = x[~lying][0]
     # with the measured direction in the end
     drawn_in = fraction**2 + (1.0 - fraction) * fraction**8
-    poses[lying, 0] = start + drawn_in[lying] * (poses[~lying, 0][0] - start)
-    return GripperPath(path.t, poses)
+    x[lying] = start + drawn_in[lying] * (left - start)
+    return GripperPath(t, poses)
 
 
 def _with_leaders(folds: Sequence[PreparedFold]) -> list[PreparedFold]:
@@ -357,12 +352,12 @@ def _is_replicate(longer: PreparedFold, fold: PreparedFold) -> bool:
     """
     if longer.run.contact_height != fold.run.contact_height:
         return False
-    first, second = longer.path.value, fold.path.value
+    (first, lifted), (second, lifted_too) = (
+        (f.path.value, f.lifted_path.value) for f in (longer, fold)
+    )
     if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > SAME_START:
         return False
-    return _is_near(first, second) and _is_near(
-        longer.lifted_path.value, fold.lifted_path.value
-    )
+    return _is_near(first, second) and _is_near(lifted, lifted_too)
 
 
 def _is_near(longer: GripperPath, path: GripperPath) -> bool:

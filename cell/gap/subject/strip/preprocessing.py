@@ -1,8 +1,7 @@
 """Smooths measured gripper paths, and thins the midline points of images."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -37,11 +36,8 @@ def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
     """
     even = np.arange(t[0], t[-1] + 0.5 * SMOOTHING_STEP, SMOOTHING_STEP)
     rough = interpolate_columns(even, t, poses)
-    half = int(
-        np.clip(
-            NARROWEST_HALF * (sigma / QUIET_NOISE) ** 0.4, NARROWEST_HALF, WIDEST_HALF
-        )
-    )
+    noisy = NARROWEST_HALF * (sigma / QUIET_NOISE) ** 0.4
+    half = int(np.clip(noisy, NARROWEST_HALF, WIDEST_HALF))
     half = min(half, (len(even) - 1) // 2)
     smooth = _parabolic_smoothing(rough, half) if half > 1 else rough
     fine = np.arange(even[0], even[-1] + 0.5 * DRIVING_STEP, DRIVING_STEP)
@@ -57,14 +53,14 @@ def _parabolic_smoothing(values: Array, half: int) -> Array:
     """
     powers = np.vander(np.arange(-half, half + 1.0), 3, increasing=True)
     through = np.linalg.pinv(powers)
-    windows = sliding_window_view(values, len(powers), axis=0)
-    ends = values[: len(powers)], values[-len(powers) :]
+    count = len(powers)
+    windows = sliding_window_view(values, count, axis=0)
+    ends = values[:count], values[-count:]
     first, last = (powers @ (through @ part) for part in ends)
     return np.concatenate([first[:half], windows @ through[0], last[half + 1 :]])
 
 
-@dataclass(frozen=True, slots=True)
-class Midlines:
+class Midlines(NamedTuple):
     """Midline points of m images, at times `stamps` (m,) [s], one image after another.
 
     Of each of the n points: `points` (n, 2) in x and z [m], `image` (n,) its image's
@@ -84,12 +80,11 @@ class Midlines:
         """Images at `stamps` (m,) [s] of curves (n, 2) [m] at arc lengths (n,) [m] by
         image.
         """
-        counts = np.array([len(curve) for curve in curves], dtype=np.int64)
-        image = np.repeat(np.arange(len(curves)), counts)
+        counts = np.array([*map(len, curves)], dtype=np.int64)
+        image = np.repeat(np.arange(len(counts)), counts)
         points = np.concatenate([np.empty((0, 2)), *curves])
-        return cls(
-            frozen(stamps), frozen(points), image, frozen(np.concatenate([[], *places]))
-        )
+        s = np.concatenate([[], *places])
+        return cls(frozen(stamps), frozen(points), image, frozen(s))
 
 
 def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Midlines:
@@ -100,7 +95,8 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Mid
     stamps: list[float] = []
     points: list[Array] = []
     places: list[Array] = []
-    row, last_stamp = 0, -np.inf
+    row = 0
+    last_stamp = -np.inf
     for stamp, curve in profile.curves():
         gripper = grip[row]
         row += len(curve)
@@ -109,9 +105,7 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Mid
         inliers = curve[_inlier_mask(curve, sigma)]
         if len(inliers) < FEWEST_POINTS:
             continue
-        to_gripper = np.hypot(
-            *np.diff(np.concatenate([inliers, gripper[None]]), axis=0).T
-        )
+        to_gripper = np.hypot(*np.diff(inliers.T, append=gripper[:, None]))
         s = length - np.cumsum(to_gripper[::-1])[::-1]
         last = len(inliers) - 1
         chosen = np.unique(np.linspace(0, last, CURVE_POINTS).round().astype(np.int64))
@@ -141,7 +135,9 @@ def _running_median(curve: Array) -> Array:
     half = MEDIAN_WINDOW // 2
     inner = np.median(sliding_window_view(curve, MEDIAN_WINDOW, axis=0), axis=-1)
     reach = min(half, len(inner) - 1)
+    first = inner[0]
+    last = inner[-1]
     ahead = np.arange(1, half + 1)[:, None]
-    first = inner[0] - ahead[::-1] * (inner[reach] - inner[0]) / reach
-    last = inner[-1] + ahead * (inner[-1] - inner[-1 - reach]) / reach
-    return np.concatenate([first, inner, last])
+    before = first - ahead[::-1] * (inner[reach] - first) / reach
+    after = last + ahead * (last - inner[-1 - reach]) / reach
+    return np.concatenate([before, inner, after])

@@ -76,15 +76,13 @@ def _check_motion(origin: Path, run: Run) -> None:
         (("x_cmd", "z_cmd"), FASTEST_GRIPPER, noise, "m"),
         (("pitch",), FASTEST_TURN, 0.0, "rad"),
     ):
-        steps = np.linalg.norm(
-            [np.diff(getattr(ticks, name)) for name in names], axis=0
-        )
-        if len(jumps := np.flatnonzero(steps > fastest * span + apart)):
-            row = int(jumps[0]) + 1
+        steps = np.linalg.norm(np.diff([getattr(ticks, n) for n in names]), axis=0)
+        jumps = np.flatnonzero(steps > fastest * span + apart)
+        for first in jumps[:1]:
             raise ConfigurationError(
-                f"{origin}: {', '.join(names)}: {len(jumps)} rows jump, row {row} by"
-                f" {steps[row - 1]:.3g} {unit}, as no arm moves; sort all columns by t,"
-                " or leave wrong rows out"
+                f"{origin}: {', '.join(names)}: {len(jumps)} rows jump, row {first + 1}"
+                f" by {steps[first]:.3g} {unit}, as no arm moves; sort all columns by"
+                " t, or leave wrong rows out"
             )
 
 
@@ -197,16 +195,18 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
     except ConfigurationError as error:
         _check_kind(folder)
         raise ConfigurationError(str(error).splitlines()[0]) from None
-    if recorded.result is None and is_under_way(folder):
+    header = recorded.header
+    result = recorded.result
+    if result is None and is_under_way(folder):
         raise ConfigurationError(f"{folder}: is still under way; let it finish")
-    if recorded.header.strip != strip.name:
+    if header.strip != strip.name:
         raise ConfigurationError(
-            f"{folder / RUN}: strip: is {recorded.header.strip!r}, the strip file"
+            f"{folder / RUN}: strip: is {header.strip!r}, the strip file"
             f" describes {strip.name!r}; give runs of one strip and its file"
         )
-    if recorded.result is not None and not is_outcome(recorded.result.outcome):
+    if result is not None and not is_outcome(result.outcome):
         raise ConfigurationError(
-            f"{folder / RESULT}: outcome: is {recorded.result.outcome!r}; allowed:"
+            f"{folder / RESULT}: outcome: is {result.outcome!r}; allowed:"
             " layer_touch, path_done, or the name of a fault as `cell fold` writes it"
         )
     _check_noise(folder / RUN, recorded)
@@ -215,13 +215,12 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
     if (n := len(recorded.ticks.t)) >= LEAST:
         notes = tuple(_notes(folder, name, recorded, touch, strip))
         run = replace(_measured_run(name, recorded, touch, strip), notes=notes)
-        return recorded.header, until_touch(run, strip.length)
-    if recorded.result is not None:
+        return header, until_touch(run, strip.length)
+    if result is not None:
         raise ConfigurationError(
             f"{folder / TICKS}: t: has {n} rows; at least {LEAST} are needed"
         )
-    notes = (f"{name}: has {n} rows only and is left out",)
-    return recorded.header, replace(_short_run(name, recorded), notes=notes)
+    return header, _short_run(name, header, f"has {n} rows only and is left out")
 
 
 def check_fold(
@@ -234,12 +233,8 @@ def check_fold(
     """
     strip = read_run(folder).header.strip
     if strip not in known:
-        return (
-            (
-                f"{folder.name}: strip {strip!r} is not"
-                f" known{suggestion(strip, known)}: no check"
-            ),
-        )
+        guess = suggestion(strip, known)
+        return (f"{folder.name}: strip {strip!r} is not known{guess}: no check",)
     return read_fold(folder, folder.name, load(strip))[1].notes
 
 
@@ -270,11 +265,15 @@ def _measured_run(
     name: str, run: Run, touch: Touch | None, strip: StripFile
 ) -> MeasuredRun:
     """Reduce a run's tables to the arrays with which simulations are compared."""
-    ticks, header = run.ticks, run.header
+    ticks = run.ticks
+    header = run.header
+    profile = run.profile
+    rows = ticks.t
+    sigma = header.sigma
     note = header.calibration if header.by_cell else None
     poses = np.stack([ticks.x, ticks.z, _pitch(run)], axis=1)
-    t, smooth = smooth_path(ticks.t, poses, header.sigma.gripper)
-    grip = interpolate_columns(run.profile.t, ticks.t, poses[:, :2])
+    t, smooth = smooth_path(rows, poses, sigma.gripper)
+    grip = interpolate_columns(profile.t, rows, poses[:, :2])
     contact_t, contact_x = ticks.contacts()
     force = np.stack([ticks.f_x, ticks.f_z], axis=1)
     reported = np.isfinite(force).any(axis=1)
@@ -287,14 +286,14 @@ def _measured_run(
         hanging=header.start == "hanging",
         index=header.index or 0,
         contact_height=header.contact_height,
-        sigma=header.sigma,
+        sigma=sigma,
         contact_t=contact_t,
         contact_x=contact_x,
-        images=images_of(run.profile, grip, strip.length, header.sigma.profile),
-        force_t=frozen(ticks.t[reported]),
+        images=images_of(profile, grip, strip.length, sigma.profile),
+        force_t=frozen(rows[reported]),
         force=frozen(force[reported]),
         touch=touch,
-        end=float(ticks.t[-1]) if touch is None else touch.time,
+        end=float(rows[-1]) if touch is None else touch.time,
         plane_error=None if note is None else note.error or 0.0,
     )
 
@@ -307,29 +306,30 @@ def until_touch(run: MeasuredRun, length: float) -> MeasuredRun:
     the gripper past the middle of a strip of `length` [m], the place where midlines
     begin moves by less than half as much from one image to the next.
     """
-    images = run.images
-    _, first = np.unique(images.image, return_index=True)
+    stamps, _, image, s = run.images
+    _, first = np.unique(image, return_index=True)
     if run.touch is not None or len(first) <= PERSISTS:
         return run
-    begins = images.s[first]
+    begins = s[first]
     later = np.median(sliding_window_view(begins[1:], PERSISTS), axis=1)
-    moved = later - begins[: len(later)]
-    past = np.interp(images.stamps, run.t, run.poses[:, 0]) < 0.5 * length
-    jumps = (np.abs(moved) > JUMPED * length) & past[: len(later)]
+    count = len(later)
+    moved = np.abs(later - begins[:count])
+    past = np.interp(stamps[:count], run.t, run.poses[:, 0]) < 0.5 * length
+    jumps = (moved > JUMPED * length) & past
     if not jumps.any():
         return run
     k = int(np.argmax(jumps))
-    end = float(images.stamps[k])
+    end = float(stamps[k])
     note = (
-        f"{run.name}: after {end:.2f} s its midlines begin {1e3 * abs(moved[k]):.0f} mm"
+        f"{run.name}: after {end:.2f} s its midlines begin {1e3 * moved[k]:.0f} mm"
         " elsewhere, as where layers touched: it is used up to there"
     )
     return replace(run, end=end, notes=(*run.notes, note))
 
 
-def _short_run(name: str, run: Run) -> MeasuredRun:
+def _short_run(name: str, header: Header, why: str) -> MeasuredRun:
     """Measured run without measurements, for a run too short to be used."""
-    none, header = frozen([]), run.header
+    none = frozen([])
     return MeasuredRun(
         name=name,
         condition=header.condition or name,
@@ -347,6 +347,7 @@ def _short_run(name: str, run: Run) -> MeasuredRun:
         force=np.empty((0, 2)),
         touch=None,
         end=0.0,
+        notes=(f"{name}: {why}",),
     )
 
 
@@ -359,29 +360,31 @@ def _notes(
     A run that ended without a touch is noted, too. Raises ConfigurationError where
     places contradict such a strip, or stamps lie beside the gripper's rows.
     """
-    check_clock(run.ticks.contact_t, run.ticks.t, f"{folder / TICKS}: contact_t")
-    check_clock(run.profile.t, run.ticks.t, f"{folder / PROFILE}: t")
-    for found in contradictions(run, touch, strip):
-        if not np.size(found.off):
+    t = run.ticks.t
+    result = run.result
+    check_clock(run.ticks.contact_t, t, f"{folder / TICKS}: contact_t")
+    check_clock(run.profile.t, t, f"{folder / PROFILE}: t")
+    for file, what, off, limits in contradictions(run, touch, strip):
+        if not np.size(off):
             continue
-        median = float(np.median(found.off))
-        seen = f"{found.what} {median:.2g}, at most"
-        if median > found.limits[-1]:
+        usual = min(limits)
+        most = max(limits)
+        median = float(np.median(off))
+        seen = f"{what} {median:.2g}, at most"
+        if median > most:
             raise ConfigurationError(
-                f"{folder / found.file}: {seen} {found.limits[-1]:g} is believable;"
-                " give m, rad and s, x along the strip from its fixed edge"
+                f"{folder / file}: {seen} {most:g} is believable; give m, rad and s, x"
+                " along the strip from its fixed edge"
             )
-        if median > found.limits[0]:
+        if median > usual:
             yield (
-                f"{name}: {seen} {found.limits[0]:g} is usual; are columns swapped, or"
-                " `start`, `offset` or `late` of the mapping wrong?"
+                f"{name}: {seen} {usual:g} is usual; are columns swapped, or `start`,"
+                " `offset` or `late` of the mapping wrong?"
             )
-    if run.result is None:
-        yield (
-            f"{name}: died after {run.ticks.t[-1]:.1f} s and is used as far as it goes"
-        )
-    elif run.result.outcome not in TOUCHED | {"path_done"}:
-        yield f"{name}: ended with {run.result.outcome} and is used as far as it goes"
+    if result is None:
+        yield f"{name}: died after {t[-1]:.1f} s and is used as far as it goes"
+    elif result.outcome not in TOUCHED | {"path_done"}:
+        yield f"{name}: ended with {result.outcome} and is used as far as it goes"
 
 
 def _touch(folder: Path, run: Run) -> Touch | None:
@@ -389,11 +392,11 @@ def _touch(folder: Path, run: Run) -> Touch | None:
     result = run.result
     if result is None or result.outcome not in TOUCHED:
         return None
-    stated = (result.t_layer_touch, result.displacement, result.l1, result.l2)
-    numbers = [value for value in stated if value is not None]
-    if len(numbers) < len(stated):
+    time = result.t_layer_touch
+    l1 = result.l1
+    l2 = result.l2
+    if time is None or l1 is None or l2 is None or result.displacement is None:
         return None
-    time, _, l1, l2 = numbers
     check_clock(
         frozen([time]), run.ticks.t, f"{folder / RESULT}: t_layer_touch", before=0.0
     )

@@ -36,11 +36,11 @@ def _places(strip: StripFile, lifted: float) -> tuple[float, ...]:
     A bend shows a local effect while it passes, so that probes farther apart than about
     a bending length miss what lies between them.
     """
-    begin = max(0.0, lifted - PLACE_SPACING * strip.bending_length)
-    count = max(
-        2, round((strip.length - begin) / (PLACE_SPACING * strip.bending_length))
-    )
-    return tuple(map(float, np.linspace(begin, strip.length, 2 * count + 1)[1::2]))
+    apart = PLACE_SPACING * strip.bending_length
+    end = strip.length
+    begin = max(0.0, lifted - apart)
+    count = max(2, round((end - begin) / apart))
+    return tuple(np.linspace(begin, end, 2 * count + 1)[1::2].tolist())
 
 
 def scope(strip: StripFile, lifted: float = 0.0, *, has_force: bool = False) -> Scope:
@@ -85,44 +85,34 @@ def _base(strip: StripFile, *, has_force: bool) -> list[Parameter]:
 
     At one bending length the areal density changes only force and air drag.
     """
-    c, tau = strip.bending_length, max(strip.retardation_time, SHORTEST_RETARDATION)
-    m, near = (
-        strip.areal_density,
-        ((1 - SPECIMEN_SPREAD) * c, (1 + SPECIMEN_SPREAD) * c),
-    )
-    parameters = [
-        Parameter(
-            "bending_length",
-            "m",
+    c = strip.bending_length
+    tau = max(strip.retardation_time, SHORTEST_RETARDATION)
+    m = strip.areal_density
+    near = (1 - SPECIMEN_SPREAD) * c, (1 + SPECIMEN_SPREAD) * c
+    # start, bounds, step and prior spread
+    numbers = {
+        ("bending_length", "m"): (
             c,
             max(0.002, c / 3),
             min(0.2, 3 * c),
-            step=0.003 * c,
-            spread=0.5 * c,
-            tolerated=strip.spread.get("bending_length", near),
+            0.003 * c,
+            0.5 * c,
         ),
-        Parameter(
-            "retardation_time",
-            "s",
+        ("retardation_time", "s"): (
             tau,
             0.1 * tau,
             min(10.0, 30 * tau),
-            step=0.02 * tau,
-            spread=2 * tau,
-            tolerated=strip.spread.get("retardation_time"),
+            0.02 * tau,
+            2 * tau,
         ),
-        Parameter(
-            "areal_density",
-            "kg/m^2",
-            m,
-            m / 3,
-            3 * m,
-            step=0.02 * m,
-            spread=WEIGHED * m,
-            tolerated=strip.spread.get("areal_density"),
-        ),
+    }
+    if has_force:
+        numbers["areal_density", "kg/m^2"] = m, m / 3, 3 * m, 0.02 * m, WEIGHED * m
+    tolerated = {"bending_length": near, **strip.spread}
+    return [
+        Parameter(name, unit, *each, tolerated=tolerated.get(name))
+        for (name, unit), each in numbers.items()
     ]
-    return parameters if has_force else parameters[:-1]
 
 
 def _accepted_parameters(strip: StripFile) -> list[Parameter]:
@@ -132,12 +122,12 @@ def _accepted_parameters(strip: StripFile) -> list[Parameter]:
     accepted = []
     for name, values in strip.effects.items():
         for p in _parameters(registry()[name], strip):
-            if p.name in values:
-                start = p.stated_value(values[p.name])
+            key = p.name
+            if key in values:
+                start = p.stated_value(values[key])
                 spread = 0.5 * abs(start) + p.step
-                accepted.append(
-                    replace(p, name=f"{name}.{p.name}", start=start, spread=spread)
-                )
+                own = replace(p, name=f"{name}.{key}", start=start, spread=spread)
+                accepted.append(own)
     return accepted
 
 
@@ -186,7 +176,8 @@ def _parameters(effect: Effect, strip: StripFile) -> list[Parameter]:
     sizes.
     """
     sizes = _deviations(effect, strip)
-    step, spread = SECANT * min(sizes), FARTHEST * max(sizes)
+    step = SECANT * min(sizes)
+    spread = FARTHEST * max(sizes)
     return [_fitted(p, strip.length, step, spread) for p in effect.parameters]
 
 
@@ -195,7 +186,8 @@ def _fitted(p: Parameter, length: float, step: float, spread: float) -> Paramete
     `spread`.
     """
     if p.role == "place":
-        low, high = max(p.low, 0.0), min(p.high, length)
+        low = max(p.low, 0.0)
+        high = min(p.high, length)
         return replace(
             p,
             start=0.5 * (low + high),

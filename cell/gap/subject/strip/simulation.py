@@ -6,8 +6,8 @@ import struct
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import astuple, dataclass, replace
-from typing import Generic, Self, TypeVar
+from dataclasses import replace
+from typing import Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,7 @@ LANE_COUNT = 8  # motions that cost no more than one
 REMEMBERED = 96 * 2**20  # bytes of the cache: few motions are asked for again, and soon
 
 
-@dataclass(frozen=True, slots=True)
-class Resolution:
+class Resolution(NamedTuple):
     """Resolution of the rod: `segments`, and time step `dt` [s]."""
 
     segments: int
@@ -44,8 +43,7 @@ FINE, FINER = Resolution(200, 0.0025), Resolution(200, 0.00125)
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Hashed(Generic[T]):
+class Hashed(NamedTuple, Generic[T]):
     """Gripper path or model with a `digest` of its numbers, computed once for all
     simulations.
     """
@@ -67,8 +65,7 @@ def hashed_model(model: StripModel) -> Hashed[StripModel]:
     return Hashed.of(model, replace(model, observation=ObservationModel()))
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
+class Job(NamedTuple):
     """One simulation: a model along a gripper path, by a rod of a certain resolution.
 
     `digest` is that of model and path. Jobs of equal `key` give equal motions.
@@ -82,11 +79,10 @@ class Job:
     @property
     def key(self) -> bytes:
         """Digest of all inputs that determine a simulated motion."""
-        return self.digest + struct.pack("<id", *astuple(self.resolution))
+        return self.digest + struct.pack("<id", *self.resolution)
 
 
-@dataclass(frozen=True, slots=True)
-class SimulatedMotion:
+class SimulatedMotion(NamedTuple):
     """Simulated motion of gripper and strip, and the touch of its layers, if any.
 
     At times `t` (k,) [s]: `poses` (k, 3), `contact_x` (k,) [m] and `force` (k, 2) [N]
@@ -131,14 +127,16 @@ class Simulation:
         """Simulated motion of each of `jobs`; None where the rod cannot simulate
         one.
         """
-        by_key = {job.key: job for job in jobs}
-        motions = {key: self._cache[key] for key in by_key if key in self._cache}
+        keys = [job.key for job in jobs]
+        cache = self._cache
+        by_key = dict(zip(keys, jobs, strict=True))
+        motions = {key: cache[key] for key in by_key if key in cache}
         motions |= self._simulate_batches(
             {k: j for k, j in by_key.items() if k not in motions}
         )
         for key in by_key:
             self._remember(key, motions[key])
-        return [motions[job.key] for job in jobs]
+        return [motions[key] for key in keys]
 
     def _simulate_batches(
         self, jobs: dict[bytes, Job]
@@ -186,13 +184,14 @@ class Simulation:
         gripper.
         """
         resolution = jobs[0].resolution
-        rod = Rod(resolution.segments, strict=False)
+        segments, dt = resolution
+        rod = Rod(segments, strict=False)
         motions = simulate_all(
             rod,
             [job.model for job in jobs],
             [job.path for job in jobs],
-            dt=resolution.dt,
-            every=max(1, round(SHAPE_PERIOD / resolution.dt)),
+            dt=dt,
+            every=max(1, round(SHAPE_PERIOD / dt)),
             precision=np.float32,
         )
         return [
@@ -204,12 +203,13 @@ class Simulation:
         """Cache a `motion` by `key`, and forget the oldest ones beyond REMEMBERED
         bytes.
         """
-        if key not in self._cache:
+        cache = self._cache
+        if key not in cache:
             self._size += motion.size if motion else 0
-        self._cache[key] = motion
-        self._cache.move_to_end(key)
+        cache[key] = motion
+        cache.move_to_end(key)
         while self._size > REMEMBERED:
-            _, oldest = self._cache.popitem(last=False)
+            _, oldest = cache.popitem(last=False)
             self._size -= oldest.size if oldest else 0
 
 
@@ -217,20 +217,20 @@ def _condense(motion: StripMotion, resolution: Resolution) -> SimulatedMotion:
     """Reduce a simulated motion to the compared quantities; without shapes the strip is
     flat.
     """
-    arc = lattice(1.0, resolution.segments)
-    shapes = motion.shapes.astype(np.float32, copy=False)
-    if not len(shapes):
-        flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
-        shapes = flat[None].astype(np.float32)
-    begin = motion.t[0] - resolution.dt + SHAPE_PERIOD
-    force = mean_force(motion.t, motion.grip_force)
+    segments, dt = resolution
+    t = motion.t
+    poses = motion.poses
+    shapes = motion.shapes
+    arc = lattice(1.0, segments)
+    if not len(shapes):  # the strip is flat
+        shapes = np.stack([arc * poses[0, 0], np.zeros_like(arc)], axis=1)[None]
     return SimulatedMotion(
-        motion.t,
-        motion.poses,
+        t,
+        poses,
         motion.contact_x,
-        force,
-        begin,
-        shapes,
+        mean_force(t, motion.grip_force),
+        t[0] - dt + SHAPE_PERIOD,
+        shapes.astype(np.float32, copy=False),
         arc,
         motion.touch,
     )
@@ -244,11 +244,13 @@ def _split_by_kind(
     A batch in which one strip needs the rod's optional terms computes them for every
     strip. There is no split by them where either part would not fill a vector.
     """
+    by_grain: dict[Resolution, list[bytes]] = {}
+    for key in order:
+        by_grain.setdefault(jobs[key].resolution, []).append(key)
     kinds: list[list[bytes]] = []
-    for resolution in dict.fromkeys(jobs[key].resolution for key in order):
-        of_grain = [key for key in order if jobs[key].resolution == resolution]
-        parts: list[list[bytes]] = [[], []]
+    for of_grain in by_grain.values():
+        parts: tuple[list[bytes], list[bytes]] = [], []
         for key in of_grain:
-            parts[0 if needs_terms(jobs[key].model) else 1].append(key)
+            parts[not needs_terms(jobs[key].model)].append(key)
         kinds += parts if min(map(len, parts)) >= LANE_COUNT else [of_grain]
     return kinds

@@ -92,21 +92,18 @@ def patch_file(
     for name, value in base.items():
         effect, _, key = name.rpartition(".")
         stated = strip_effects[effect] if effect else content
-        notes.append(
-            note_of(f"effects.{name}" if effect else name, stated.get(key), source)
-        )
+        path = f"effects.{name}" if effect else name
+        notes.append(note_of(path, stated.get(key), source))
         stated[key] = _round_off(value)
     of_cell: dict[str, object] = {}
     law = content.pop("law", {})
     for name, values in effects.items():
         rounded = {key: _round_off(value) for key, value in values.items()}
         if name in LAW_TERMS:
-            notes.append(
-                note_of(
-                    f"law.{name}", law.get(name), source, "; a description, no cause"
-                )
-            )
-            law[name] = _round_off(law.get(name, 0.0) + values["amount"])
+            old = law.get(name)
+            remark = "; a description, no cause"
+            notes.append(note_of(f"law.{name}", old, source, remark))
+            law[name] = _round_off((old or 0.0) + values["amount"])
         elif registry()[name].of == "cell":
             of_cell[name] = rounded
         else:
@@ -163,9 +160,9 @@ class StripSubject(Subject):
         self.name = strip.name
         self._threads = jobs
         self.notes = tuple(note for run in runs for note in run.notes)
-        self._measured = tuple(run for run in runs if run.usable)
-        has_force = any(run.has_force for run in self._measured)
-        contacts = [run.contact_x for run in self._measured if len(run.contact_x)]
+        measured = self._measured = tuple(run for run in runs if run.usable)
+        has_force = any(run.has_force for run in measured)
+        contacts = [run.contact_x for run in measured if len(run.contact_x)]
         # m, beyond which the strip lifts off the desk; 0 where no image shows it
         lifted = min((np.quantile(x, QUANTILE) for x in contacts), default=0.0)
         self.scope = scope(strip, lifted, has_force=has_force).withhold(
@@ -178,7 +175,7 @@ class StripSubject(Subject):
         self._model_cache = lru_cache(DESCRIBED)(
             partial(_describe, strip, self.scope.base)
         )
-        self.runs = prepare_runs(self._measured, strip, self._simulation, self._scatter)
+        self.runs = prepare_runs(measured, strip, self._simulation, self._scatter)
 
     def simulate(self, requests: Sequence[SimulationRequest]) -> list[Residuals]:
         """Residuals of `requests`, measured minus simulated; each motion is simulated
@@ -190,9 +187,8 @@ class StripSubject(Subject):
             for fold, job in zip(folds, jobs, strict=True)
         ]
         cache = self._residual_cache
-        missing = {
-            key: job for key, job in zip(keys, jobs, strict=True) if key not in cache
-        }
+        asked = dict(zip(keys, jobs, strict=True))
+        missing = {key: job for key, job in asked.items() if key not in cache}
         cache.update(self._compare(missing))
         return [
             fold.correct(cache[key], request.run, request.local)
@@ -225,7 +221,9 @@ class StripSubject(Subject):
         Keys of one motion stay together, in the order in which they are requested;
         motions are not kept.
         """
-        first = {key.motion: i for i, key in reversed(list(enumerate(jobs)))}
+        first: dict[bytes, int] = {}
+        for i, key in enumerate(jobs):
+            first.setdefault(key.motion, i)
         keys = iter(
             sorted(jobs, key=lambda k: (jobs[k].path.duration, first[k.motion]))
         )
@@ -243,7 +241,7 @@ class StripSubject(Subject):
 
     def draw_measured(self, run: FitRun) -> Scene:
         """Drawing of the measured fold of `run`."""
-        return _measured_scene(run.content.residuals.run)
+        return _measured_scene(run.content.run)
 
     def draw_simulated(
         self, requests: Sequence[SimulationRequest]
@@ -252,11 +250,10 @@ class StripSubject(Subject):
         motion.
         """
         folds, jobs = self._jobs_of(requests)
+        rows = zip(folds, jobs, self._simulation(jobs), strict=True)
         return [
             _simulated_scene(fold, job.model, motion) if motion else None
-            for fold, job, motion in zip(
-                folds, jobs, self._simulation(jobs), strict=True
-            )
+            for fold, job, motion in rows
         ]
 
     def refine(self, requests: Sequence[SimulationRequest]) -> Sequence[FitRun]:
@@ -274,10 +271,12 @@ class StripSubject(Subject):
         """Runs of the standard motions that could be made next, simulated for the
         stated strip.
         """
-        next_index = 1 + max(run.index for run in self._measured)
-        runs = planned_runs(self.file, self._measured[0].sigma, next_index)
-        ready = prepare_runs(runs, self.file, self._simulation)
-        planned = [(run, run.content.residuals.run) for run in ready]
+        strip = self.file
+        measured = self._measured
+        next_index = 1 + max(run.index for run in measured)
+        runs = planned_runs(strip, measured[0].sigma, next_index)
+        ready = prepare_runs(runs, strip, self._simulation)
+        planned = [(run, run.content.run) for run in ready]
         return [
             Experiment(run.name, instruction(fold), SET_UP + fold.end / 60.0, run)
             for run, fold in planned
@@ -328,11 +327,8 @@ def _describe(
     `effects`.
     """
     values = {p.name: p.stated_value(v) for p, v in zip(parameters, base, strict=True)}
-    stated = {
-        name: registry()[name].stated(vector)
-        for name, vector in effects
-        if name in registry()
-    }
+    known = registry()
+    stated = {n: known[n].stated(vector) for n, vector in effects if n in known}
     present = {name: given for name, given in stated.items() if given is not None}
     model = describe(fitted_strip(strip, values), present, index)
     # of law terms; others are ignored
@@ -344,15 +340,15 @@ def _touch_errors(run: FitRun, residuals: Residuals) -> Array:
     """Errors (k, 2) [sigma] of a simulation in the displacement of a run's touch, as
     measured and with l1 and l2 swapped.
     """
-    touch = run.content.residuals.run.touch
+    touch = run.content.run.touch
+    samples = run.samples
     if not touch:
         return np.empty((0, 2))
-    swapped = residuals.mean - 2.0 * touch.displacement
-    errors = np.stack([residuals.mean, swapped], axis=1)
-    rows = (run.samples.quantity == "displacement") & np.isfinite(residuals.mean)
-    sigma = np.hypot(run.samples.noise, run.samples.floor)
-    in_sigma: Array = errors[rows] / sigma[rows, None]
-    return in_sigma
+    off = residuals.mean
+    errors = np.array([off, off - 2.0 * touch.displacement]) / samples.scale
+    rows = (samples.quantity == "displacement") & np.isfinite(off)
+    compared: Array = errors.T[rows]
+    return compared
 
 
 def open_strip(
@@ -380,10 +376,13 @@ CONTACT_SIGNAL, DISTANCE_SIGNAL = (
 
 def _measured_scene(run: MeasuredRun) -> Scene:
     """Drawing of a measured fold, up to the touch of its layers or to its last row."""
-    images, t = run.images, run.t[run.t <= run.end][::DRAWN_STRIDE]
-    grip = interpolate_columns(t, run.t, run.poses[:, :2])
+    images = run.images
+    rows = run.t
+    end = run.end
+    t = rows[rows <= end][::DRAWN_STRIDE]
+    grip = interpolate_columns(t, rows, run.poses[:, :2])
     visible = _images_before_end(run)
-    before_end = run.contact_t <= run.end
+    before_end = run.contact_t <= end
     contact_t = run.contact_t[before_end]
     contact = run.contact_x[before_end]
     points = tuple(images.points[images.image == k] for k in visible)
@@ -404,11 +403,12 @@ def _simulated_scene(
     the snap.
     """
     run = fold.run
+    observation = model.observation
     contact_t = run.contact_t[run.contact_t <= run.end]
-    true = np.interp(
-        imaged_time(model.observation, contact_t), motion.t, motion.contact_x
-    )
-    contact = measured_contact(model.observation, true)
+    stamps = run.images.stamps
+    seen = imaged_time(observation, contact_t)
+    true = np.interp(seen, motion.t, motion.contact_x)
+    contact = measured_contact(observation, true)
     images = _images_before_end(run)
     places = fold.residuals.shape_index(model, motion)[images]
     shapes = interpolate_midlines(motion.shapes, places)
@@ -416,9 +416,9 @@ def _simulated_scene(
     return Scene(
         signals=(
             TimeSeries(CONTACT_SIGNAL, contact_t, 1e3 * contact),
-            TimeSeries(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance),
+            TimeSeries(DISTANCE_SIGNAL, stamps[compared], 1e3 * distance),
         ),
-        curve=Curve(run.images.stamps[images], tuple(measured_points(model, shapes))),
+        curve=Curve(stamps[images], tuple(measured_points(model, shapes))),
         tracks={"contact": _desk_track(contact_t, contact)},
         events=_touch_event(simulated_touch(run, model, motion)),
     )

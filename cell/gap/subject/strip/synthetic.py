@@ -150,21 +150,23 @@ def measured_along(
 def _measure(name: str, fold: Fold, sigma: Sigma, index: int) -> MeasuredRun:
     """Noise-free measurements of a simulated fold, up to its touch."""
     path = fold.path
-    end = fold.motion.touch.time if fold.motion.touch else path.t[-1]
-    travel = arc_lengths(path.poses[:, :2])
+    motion = fold.motion
+    times = fold.shape_t
+    t = path.t
+    touch = motion.touch
+    end = touch.time if touch else t[-1]
     height = fold.model.observation.contact_height
-    following = np.searchsorted(
-        fold.shape_t, np.arange(fold.shape_t[0], end, IMAGE_PERIOD)
-    )
-    chosen = np.unique(np.minimum(following, len(fold.shape_t) - 1))
-    shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
-    force_t = path.t[path.t <= end] if sigma.force else np.empty(0)
+    following = np.searchsorted(times, np.arange(times[0], end, IMAGE_PERIOD))
+    chosen = np.unique(np.minimum(following, len(times) - 1))
+    shapes = motion.shapes[chosen]
+    stamps = frozen(times[chosen])
+    force_t = t[t <= end] if sigma.force else np.empty(0)
     return MeasuredRun(
         name,
         name,
-        t=path.t,
+        t=t,
         poses=path.poses,
-        travel=frozen(travel),
+        travel=frozen(arc_lengths(path.poses[:, :2])),
         hanging=False,
         index=index,
         contact_height=height,
@@ -174,7 +176,7 @@ def _measure(name: str, fold: Fold, sigma: Sigma, index: int) -> MeasuredRun:
         images=_images(stamps, shapes, fold.arc, height),
         force_t=force_t,
         force=_reported_force(fold, force_t),
-        touch=fold.motion.touch,
+        touch=touch,
         end=end,
     )
 
@@ -184,7 +186,8 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Midlines
     on.
     """
     s = np.arange(0.0, arc[-1], POINT_SPACING)
-    points, places = [], []
+    points = []
+    places = []
     for shape in shapes:
         curve = interpolate_columns(s, arc, shape)
         lifted = s >= s[np.argmax(curve[:, 1] > height)]
@@ -219,11 +222,9 @@ def write_fold(
     """
     folder.mkdir(parents=True)
     touch = _touch(fold, noise, rng)
-    end = (
-        fold.path.t[-1]
-        if touch is None
-        else min(touch.time + TIME_AFTER_TOUCH, fold.path.t[-1])
-    )
+    end = fold.path.t[-1]
+    if touch:
+        end = min(touch.time + TIME_AFTER_TOUCH, end)
     stamps = _stamps(end, lost, rng)
     points = [_curve(fold, stamp, noise.profile, wild, rng) for stamp in stamps]
     write_document(folder / RUN, _header(strip, fold, noise))
@@ -266,11 +267,11 @@ def _touch(fold: Fold, noise: Sigma, rng: np.random.Generator) -> Touch | None:
     if not measured:
         return None
     # equal errors of l1 and l2 whose difference, the displacement, has its stated noise
-    l1, l2 = rng.normal(
-        [measured.to_grasped, measured.to_fixed], noise.displacement / np.sqrt(2)
-    )
+    lengths = (measured.to_grasped, measured.to_fixed)
+    error = noise.displacement
+    l1, l2 = rng.normal(lengths, error / np.sqrt(2)).tolist()
     time = measured.time + rng.normal(0.0, noise.touch_time or TOUCH_TIME)
-    return Touch(time=time, x=float(l2), to_grasped=float(l1), to_fixed=float(l2))
+    return Touch(time=time, x=l2, to_grasped=l1, to_fixed=l2)
 
 
 def _shape(fold: Fold, stamp: float) -> Array:
@@ -278,11 +279,10 @@ def _shape(fold: Fold, stamp: float) -> Array:
     time = imaged_time(fold.model.observation, stamp)
     times = fold.shape_t
     after = np.clip(np.searchsorted(times, time), 1, len(times) - 1)
-    before = after - 1
-    fraction = np.clip(
-        (time - times[before]) / (times[after] - times[before]), 0.0, 1.0
-    )
-    first, second = fold.motion.shapes[[before, after]]
+    around = slice(after - 1, after + 1)
+    begin, end = times[around]
+    fraction = np.clip((time - begin) / (end - begin), 0.0, 1.0)
+    first, second = fold.motion.shapes[around]
     shape: Array = (1 - fraction) * first + fraction * second
     return shape
 
@@ -294,14 +294,17 @@ def _curve(
     fingers.
     """
     shape = _shape(fold, stamp)
-    lifted = np.flatnonzero(shape[:, 1] > fold.model.observation.contact_height)
-    begin = fold.arc[lifted[0]] if len(lifted) else fold.arc[-1]
-    s = np.arange(begin, fold.arc[-1] - HIDDEN_LENGTH, MIDLINE_SPACING)
-    curve = CubicSpline(fold.arc, shape)
-    across = rng.normal(0.0, sigma, len(s))[:, None]
-    points = measured_points(fold.model, curve(s))
+    arc = fold.arc
+    model = fold.model
+    lifted = arc[shape[:, 1] > model.observation.contact_height]
+    end = arc[-1]
+    s = np.arange(min(lifted, default=end), end - HIDDEN_LENGTH, MIDLINE_SPACING)
+    curve = CubicSpline(arc, shape)
+    column = (len(s), 1)
+    across = rng.normal(0.0, sigma, column)
+    points = measured_points(model, curve(s))
     points = points + across * left_normals(unit(curve(s, 1)))
-    off = rng.uniform(size=len(s))[:, None] < wild
+    off = rng.uniform(size=column) < wild
     return points + off * rng.uniform(-FARTHEST, FARTHEST, points.shape)
 
 
@@ -311,16 +314,18 @@ def _ticks(
     """Table of control ticks up to `end` [s], with contacts at image times `stamps`
     (k,) [s].
     """
-    t = fold.path.t[fold.path.t <= end]
-    poses = fold.path.poses[: len(t)]
-    height = fold.model.observation.contact_height
+    path = fold.path
+    observation = fold.model.observation
+    t = path.t[path.t <= end]
+    x, z, pitch = path.poses[: len(t)].T
+    height = observation.contact_height
     true = np.array([desk_contact(_shape(fold, stamp), height) for stamp in stamps])
-    contacts = measured_contact(fold.model.observation, true)
+    contacts = measured_contact(observation, true)
     measured = contacts + rng.normal(0.0, noise.contact_x, len(stamps))
     contact_x, contact_t = place_contacts(t, stamps, measured)
-    noisy = poses[:, :2] + rng.normal(0.0, noise.gripper, (len(t), 2))
-    columns = {"t": t, "x": noisy[:, 0], "z": noisy[:, 1], "pitch": poses[:, 2]}
-    columns |= {"x_cmd": poses[:, 0], "z_cmd": poses[:, 1]}
+    off_x, off_z = rng.normal(0.0, noise.gripper, (len(t), 2)).T
+    columns = {"t": t, "x": x + off_x, "z": z + off_z, "pitch": pitch}
+    columns |= {"x_cmd": x, "z_cmd": z}
     columns |= _forces(fold, t, noise.force, rng) if noise.force else {}
     return pa.table(columns | {"contact_x": contact_x, "contact_t": contact_t})
 
@@ -333,8 +338,9 @@ def _forces(
     """
     force = _reported_force(fold, t)
     # leaves the run's draws alone
-    noisy = force + rng.spawn(1)[0].normal(0.0, sigma, force.shape)
-    return {"f_x": noisy[:, 0], "f_z": noisy[:, 1]}
+    (own,) = rng.spawn(1)
+    noisy = force + own.normal(0.0, sigma, force.shape)
+    return dict(zip(("f_x", "f_z"), noisy.T, strict=True))
 
 
 def _reported_force(fold: Fold, t: Array) -> Array:
@@ -342,8 +348,9 @@ def _reported_force(fold: Fold, t: Array) -> Array:
     [s].
     """
     motion = fold.motion
-    mean = mean_force(motion.t, motion.grip_force)
-    return reported_force(fold.model.observation, t, motion.t, mean)
+    times = motion.t
+    mean = mean_force(times, motion.grip_force)
+    return reported_force(fold.model.observation, t, times, mean)
 
 
 def _profile(stamps: Array, curves: Sequence[Array]) -> pa.Table:

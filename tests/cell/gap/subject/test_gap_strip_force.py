@@ -50,10 +50,8 @@ def test_where_force_is_measured_it_weighs_the_strip(late: StripSubject) -> None
     assert late.scope.base[-1].name == "areal_density"
     stated = [late.stated(run) for run in late.runs]
     heavier = [replace(q, base=q.base * [1.0, 1.0, 1.1]) for q in stated]
-    found = late.simulate([*stated, *heavier])
-    here, there = (
-        np.concatenate([r.mean for r in part]) for part in np.array_split(found, 2)
-    )
+    found = [late.simulate(asked) for asked in (stated, heavier)]
+    here, there = (np.concatenate([r.mean for r in part]) for part in found)
     apart, rows = np.abs(there - here), force_rows(late)
     assert apart[rows].max() > 0.001
     assert np.nanmax(apart[~rows]) < 1e-4

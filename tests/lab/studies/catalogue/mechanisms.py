@@ -16,7 +16,7 @@ import numpy as np
 
 from cell.gap.fit import FitOptions, fit
 from cell.gap.fitting.base_fit import projection, stated_estimate
-from cell.gap.fitting.model import whiten
+from cell.gap.fitting.gauss_newton import residuals
 from cell.gap.open_subject import open_subject
 from cell.gap.selection.screening import DETECTED_SIGMA
 from cell.gap.subject.mechanism.effects import library
@@ -201,7 +201,7 @@ def _distance(case: Values) -> float:
         file = runs_of(case, Path(place), noise=0.0)
         subject = open_subject(file, find_runs([Path(place) / "study-runs"]), 1)
         stated = stated_estimate(subject, subject.simulate)
-    moved = np.concatenate(list(map(whiten, stated.raw, stated.evidence.scales)))
+    moved = np.concatenate(residuals(stated.raw, stated.runs))
     return float(np.sqrt(moved @ projection(stated).unabsorbed(moved)))
 
 

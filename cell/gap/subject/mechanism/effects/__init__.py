@@ -64,11 +64,12 @@ class TorqueLaws:
         values.
         """
         self._laws: dict[str, tuple[Callable[..., Array], int, int]] = {}
+        self.at: dict[str, int] = {}
         self.slots = HEAD
         for name, law, count in laws:
             self._laws[name] = law, self.slots, count
+            self.at[name] = self.slots
             self.slots += count
-        self.at = {name: first for name, (_, first, _) in self._laws.items()}
         self._callbacks: dict[frozenset[str], Any] = {}
 
     def along(self, q: Array, v: Array, load: Array, user: Array) -> Array:
@@ -90,10 +91,11 @@ class TorqueLaws:
         Other threads wait.
         """
         with _LOCK:
-            if names not in self._callbacks:
+            made = self._callbacks.get(names)
+            if not made:
                 law = _chain_laws([self._laws[name] for name in sorted(names)])
-                self._callbacks[names] = _callback(law, model, self.slots)
-            mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
+                made = self._callbacks[names] = _callback(law, model, self.slots)
+            mujoco.set_mjcb_passive(made.ctypes)
             # MuJoCo reads the clock a dozen times a step
             mujoco.set_mjcb_time(_zero().ctypes)
             try:
@@ -109,9 +111,12 @@ def _callback(law: Any, model: Any, slots: int) -> Any:
     Arrays are found by the address that each has in a `model`, for the layout of
     MuJoCo's structs changes with its version.
     """
-    data, pointers = mujoco.MjData(model), types.CPointer(types.CPointer(types.float64))
-    user_at, qpos_at = _offset(model, model.jnt_user), _offset(data, data.qpos)
-    qvel_at, passive_at = _offset(data, data.qvel), _offset(data, data.qfrc_passive)
+    data = mujoco.MjData(model)
+    pointers = types.CPointer(types.CPointer(types.float64))
+    user_at = _offset(model, model.jnt_user)
+    qpos_at, qvel_at, passive_at = (
+        _offset(data, array) for array in (data.qpos, data.qvel, data.qfrc_passive)
+    )
 
     @callback(types.void(pointers, pointers))
     def add(model, data):  # type: ignore[no-untyped-def]
@@ -132,11 +137,9 @@ def _zero() -> Any:
 
 def _offset(struct: Any, array: Array) -> int:
     """Offset [pointers] in a MuJoCo struct of the pointer to `array` (n,)."""
-    for at in range(STRUCT_WORDS):
-        if (
-            ctypes.c_uint64.from_address(struct._address + 8 * at).value
-            == array.ctypes.data
-        ):
+    words = (ctypes.c_uint64 * STRUCT_WORDS).from_address(struct._address)
+    for at, word in enumerate(words):
+        if word == array.ctypes.data:
             return at
     raise RuntimeError("this MuJoCo keeps its arrays where they were not found")
 
@@ -263,10 +266,10 @@ def check_effects(mechanism: Mechanism) -> None:
             raise ConfigurationError(
                 f"{origin}: unknown effect; allowed: {', '.join(known)}"
             )
-        amounts = known[name].parameters(mechanism)
-        check_values(
-            values, amounts, known[name].with_shape(mechanism)[len(amounts) :], origin
-        )
+        effect = known[name]
+        amounts = effect.parameters(mechanism)
+        shapes = effect.with_shape(mechanism)[len(amounts) :]
+        check_values(values, amounts, shapes, origin)
 
 
 def ordered_values(
@@ -275,10 +278,8 @@ def ordered_values(
     """Values (k,) of an effect's parameters in their order; start values where not
     given.
     """
-    parameters = effect.with_shape(mechanism)
-    return np.array(
-        [
-            p.stated_value(values[p.name]) if p.name in values else p.start
-            for p in parameters
-        ]
-    )
+    found = []
+    for p in effect.with_shape(mechanism):
+        stated = values.get(p.name)
+        found.append(p.start if stated is None else p.stated_value(stated))
+    return np.array(found)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from cell.gap.subject.mechanism.effect import (
     MechanismEffect,
@@ -46,7 +47,8 @@ def _carried_bodies(mechanism: Mechanism) -> list[int]:
     """Numbers of the bodies with joints that other joints carry: where they lie, others
     move.
     """
-    model, bodies = mechanism.model, np.unique(mechanism.model.jnt_bodyid)
+    model = mechanism.model
+    bodies = np.unique(model.jnt_bodyid)
     return [i for i in bodies if model.body_weldid[model.body_parentid[i]]]
 
 
@@ -54,11 +56,10 @@ def _place_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Offsets [m] of carried bodies along the axes of their parents, by the longest
     link.
     """
-    model, bodies = mechanism.model, _carried_bodies(mechanism)
-    longest = max(
-        (float(np.linalg.norm(model.body_pos[i])) for i in bodies), default=0.0
-    )
-    spread = LINK_ERROR * max(longest, SHORTEST)
+    model = mechanism.model
+    bodies = _carried_bodies(mechanism)
+    lengths = np.linalg.norm(model.body_pos[bodies], axis=-1)
+    spread = LINK_ERROR * max([SHORTEST, *lengths.tolist()])
     return tuple(
         Parameter(
             f"{axis}_{model.body(i).name or i}",
@@ -101,10 +102,8 @@ def _lean(edited: Any, x: float, y: float) -> None:
     """Rotate the gravity of a model by `x` [rad] about its x axis, then by `y` [rad]
     about y.
     """
-    gx, gy, gz = (float(g) for g in edited.opt.gravity)
-    gy, gz = gy * np.cos(x) - gz * np.sin(x), gy * np.sin(x) + gz * np.cos(x)
-    gx, gz = gx * np.cos(y) + gz * np.sin(y), gz * np.cos(y) - gx * np.sin(y)
-    edited.opt.gravity[:] = gx, gy, gz
+    gravity = edited.opt.gravity
+    gravity[:] = Rotation.from_euler("xy", [x, y]).apply(gravity)
 
 
 ARMATURE = MechanismEffect(

@@ -38,7 +38,8 @@ def _edit_spring(mechanism: Mechanism, values: Array, edited: Any) -> None:
     """
     for i, (added, rest) in enumerate(CABLE_SPRING.table(mechanism, values).T):
         if added != 0.0:
-            own, own_rest = edited.jnt_stiffness[i], edited.qpos_spring[i]
+            own = edited.jnt_stiffness[i]
+            own_rest = edited.qpos_spring[i]
             edited.qpos_spring[i] = (own * own_rest + added * rest) / (own + added)
             edited.jnt_stiffness[i] += added
 
@@ -47,11 +48,10 @@ def _sway_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Compliances of the base along and about the axes of the world, and its
     frequency.
     """
-    mass, inertia = (
-        float(mechanism.model.body_mass.sum()),
-        float(mechanism.inertia.max()),
+    kinds = (
+        ("compliance", "m/N", float(mechanism.model.body_mass.sum())),
+        ("rocking", "rad/(N m)", float(mechanism.inertia.max())),
     )
-    kinds = (("compliance", "m/N", mass), ("rocking", "rad/(N m)", inertia))
     found = [
         p
         for key, unit, moved in kinds
@@ -59,18 +59,11 @@ def _sway_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         for p in single_parameter(f"{key}_{axis}", unit, 0.04 / (moved * SWAY**2))
     ]
     low, *_, high = SWAYS
+    ends = (0.5 * low, 2.0 * high)
+    step = 1e-3 * SWAY
     return (
         *found,
-        Parameter(
-            "frequency",
-            "rad/s",
-            SWAY,
-            0.5 * low,
-            2.0 * high,
-            step=1e-3 * SWAY,
-            spread=high,
-            role="shape",
-        ),
+        Parameter("frequency", "rad/s", SWAY, *ends, step, high, role="shape"),
     )
 
 
@@ -98,10 +91,12 @@ def _sway_path(
     by, of, _ = cont2discrete(law, t[1] - t[0], "foh")
     # at the start it follows weights, and rests otherwise
     for k in np.flatnonzero(compliances):
-        ramp = force[0, k] - t * (slopes[0, k] @ v[0])
-        place = compliances[k] * (lfilter(by[0], of, ramp - force[:, k]) - ramp)
+        along = force[:, k]
+        slope = slopes[:, k]
+        ramp = along[0] - t * (slope[0] @ v[0])
+        place = compliances[k] * (lfilter(by[0], of, ramp - along) - ramp)
         faster = make_interp_spline(t, place, k=5)(t, nu=2)
-        torque -= faster[:, None] * momenta[:, k] - place[:, None] * slopes[:, k]
+        torque -= faster[:, None] * momenta[:, k] - place[:, None] * slope
     return torque
 
 
@@ -111,10 +106,8 @@ def _momenta(model: Any, motion: bytes) -> tuple[Array, Array, Array]:
     by joint.
     """
     q = np.frombuffer(motion).reshape(-1, model.nv)
-    mass, foot = (
-        model.body_mass.sum(),
-        model.body_pos[model.body_rootid[model.jnt_bodyid[0]]],
-    )
+    mass = model.body_mass.sum()
+    foot = model.body_pos[model.body_rootid[model.jnt_bodyid[0]]]
     arms, (linear, angular) = np.zeros((len(q), 3)), np.zeros((2, len(q), 3, model.nv))
     along = poses(model, q, mujoco.mj_kinematics)
     for data, *found, arm in zip(along, linear, angular, arms, strict=True):
@@ -191,9 +184,7 @@ BASE_COMPLIANCE = MechanismEffect(
     of="rig",
     parameters=_sway_parameters,
     shape=lambda _: (
-        Parameter(
-            "damping", "1", DAMPING, 1e-3, 1.0, step=1e-4, spread=0.1, role="shape"
-        ),
+        Parameter("damping", "1", DAMPING, 1e-3, 1.0, 1e-4, 0.1, role="shape"),
     ),
     path=_sway_path,
     modes=(PRESCRIBED.name,),

@@ -36,35 +36,34 @@ def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Order and phase [rad] of cogging; less than 3/4 of a wave in the travel is like a
     spring.
     """
-    quarters = [
-        np.clip(0.5 * np.pi / j.travel, 0.5, 33.0) for j in mechanism.driven.joints
-    ]
-    orders = [
-        Parameter(
-            f"order_{j.name}",
-            "1",
-            max(ORDER, 3.0 * quarter),
-            quarter,
-            200.0,
-            step=0.01,
-            spread=ORDER,
-            role="shape",
-            own_from=3.0 * quarter,
+    driven = mechanism.driven
+    orders = []
+    for joint in driven.joints:
+        quarter = np.clip(0.5 * np.pi / joint.travel, 0.5, 33.0)
+        whole = 3.0 * quarter
+        orders.append(
+            Parameter(
+                f"order_{joint.name}",
+                "1",
+                max(ORDER, whole),
+                quarter,
+                200.0,
+                step=0.01,
+                spread=ORDER,
+                role="shape",
+                own_from=whole,
+            )
         )
-        for j, quarter in zip(mechanism.driven.joints, quarters, strict=True)
-    ]
-    return (
-        *orders,
-        *per_joint(
-            mechanism.driven,
-            "phase",
-            "rad",
-            np.full(len(orders), 0.04),
-            signed=True,
-            role="shape",
-            high=100.0,
-        ),
+    phases = per_joint(
+        driven,
+        "phase",
+        "rad",
+        np.full(len(orders), 0.04),
+        signed=True,
+        role="shape",
+        high=100.0,
     )
+    return (*orders, *phases)
 
 
 def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
@@ -78,31 +77,22 @@ def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Reciprocals [1/(N m)] of the largest torque of each motor."""
-    return tuple(
-        Parameter(
-            f"torque_{j.name}",
-            "N m",
-            0.0,
-            0.0,
-            20.0 / j.torque,
-            step=1e-3 / j.torque,
-            spread=1.0 / j.torque,
-            inverse=True,
-        )
-        for j in mechanism.driven.joints
-    )
+    found = []
+    for joint in mechanism.driven.joints:
+        usual = 1.0 / joint.torque
+        most = 20.0 * usual
+        step = 1e-3 * usual
+        name = f"torque_{joint.name}"
+        found.append(Parameter(name, "N m", 0.0, 0.0, most, step, usual, inverse=True))
+    return tuple(found)
 
 
 def _edit_saturation(mechanism: Mechanism, values: Array, edited: Any) -> None:
     """Narrow the force range of each motor to its largest torque."""
     for joint, inverse in zip(mechanism.driven.joints, values, strict=True):
         if inverse != 0.0:
-            most = 1.0 / inverse
-            low, high = edited.actuator_forcerange[joint.actuator]
-            edited.actuator_forcerange[joint.actuator] = (
-                max(low, -most),
-                min(high, most),
-            )
+            limits = edited.actuator_forcerange[joint.actuator]
+            limits[:] = np.clip(limits, -1.0 / inverse, 1.0 / inverse)
 
 
 TORQUE_CONSTANT = MechanismEffect(

@@ -47,30 +47,17 @@ def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Shape parameters of dry friction in each joint: load, asymmetry, Stribeck
     peak.
     """
-    ones = np.ones(len(mechanism.joints))
-    rates = shapes(
-        mechanism.joints,
-        "stribeck_velocity",
-        "rad/s",
-        STRIBECK * mechanism.rate,
-        bounds=(0.1, 10.0),
-        step=0.01,
-    )
+    joints = mechanism.joints
+    torque = 0.01 * mechanism.torque
+    signs = 0.02 * np.ones(len(joints))
+    starts = STRIBECK * mechanism.rate
     return (
         *(() if mechanism.mode.loads else _loads(mechanism)),
         *per_joint(
-            mechanism,
-            "asymmetry",
-            "1",
-            0.02 * ones,
-            signed=True,
-            role="shape",
-            high=45.0,
+            mechanism, "asymmetry", "1", signs, signed=True, role="shape", high=45.0
         ),
-        *per_joint(
-            mechanism, "stribeck_torque", "N m", 0.01 * mechanism.torque, role="shape"
-        ),
-        *rates,
+        *per_joint(mechanism, "stribeck_torque", "N m", torque, role="shape"),
+        *shapes(joints, "stribeck_velocity", "rad/s", starts, (0.1, 10.0), 0.01),
     )
 
 
@@ -99,15 +86,8 @@ def _quadratic_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 def _presliding_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Torques [N m] at which the elastic contacts of each joint begin to slide."""
     starts = 0.05 * mechanism.torque
-    return shapes(
-        mechanism.joints,
-        "torque",
-        "N m",
-        starts,
-        bounds=(0.02, 20.0),
-        step=0.02,
-        spread=2.0,
-    )
+    bounds = (0.02, 20.0)
+    return shapes(mechanism.joints, "torque", "N m", starts, bounds, 0.02, 2.0)
 
 
 def _presliding_path(
@@ -123,14 +103,9 @@ def _yielding(q: Array, stiffness: Array, most: Array) -> Array:
     joints).
     """
     out = np.zeros_like(q)
-    for j in range(q.shape[1]):
-        if stiffness[j] == 0.0:
-            continue
-        torque = 0.0
-        for k in range(1, q.shape[0]):
-            torque -= stiffness[j] * (q[k, j] - q[k - 1, j])
-            torque = min(max(torque, -most[j]), most[j])
-            out[k, j] = torque
+    for k in range(1, len(q)):
+        stretched = out[k - 1] - stiffness * (q[k] - q[k - 1])
+        out[k] = np.minimum(np.maximum(stretched, -most), most)
     return out
 
 
