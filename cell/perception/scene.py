@@ -401,13 +401,13 @@ class Appearance:
     """Appearance learnt before a fold: segmentation of the `scene`, height of the
     resting strip.
 
-    `rest` (k,) are polynomial coefficients, constant first, of the resting midline's
-    height [m] over x [m] as the homography maps it.
+    `resting_line` (k,) are polynomial coefficients, constant first, of the resting
+    midline's height [m] over x [m] as the homography maps it.
     """
 
     scene: Segmenter
-    rest: Array
+    resting_line: Array
 
     def rest_height(self, x: Array) -> Array:
         """Height (n,) [m] of the resting midline at x (n,) [m]."""
-        return np.asarray(polyval(x, self.rest))
+        return np.asarray(polyval(x, self.resting_line))

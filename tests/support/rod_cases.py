@@ -60,5 +60,5 @@ def overhang(models: Sequence[StripModel], segments: int = 100) -> Array:
     for field in bending if batch.terms is None else [*bending, *rich]:
         batch.nature[:, end, field] = 0.0
     free = batch._replace(last=end)
-    settle(free, free.held[None].copy())
+    settle(free, free.grip[None].copy())
     return midlines(free)

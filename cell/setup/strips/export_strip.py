@@ -97,7 +97,11 @@ def _add_hinge(body: Xml.Element, tendons: Xml.Element, lumps: Lumps, i: int) ->
     hinges = lumps.hinges
     names = ("stiffness", "cubic", "damping", "quadratic", "presliding")
     law = {name: getattr(hinges, name)[i] / lumps.scale for name in names}
-    hinge = {"name": f"hinge{i}", "axis": "0 -1 0", "springref": f"{hinges.rest[i]}"}
+    hinge = {
+        "name": f"hinge{i}",
+        "axis": "0 -1 0",
+        "springref": f"{hinges.rest_angle[i]}",
+    }
     hinge["stiffness"] = f"{law['stiffness']} 0 {law['cubic']}"
     Xml.SubElement(body, "joint", hinge, damping=f"{law['damping']} {law['quadratic']}")
     if hinges.slip[i] * law["presliding"] > 0:

@@ -49,7 +49,7 @@ def flat_batch(models: Sequence[StripModel], segments: int) -> Batch:
         alive=at.pack(active[:, None, None], lanes),
         monitor=np.stack([_monitor(model) for model in models]),
         arc=arc,
-        held=np.stack([[length, 0.0, 0.0] for length in arc[:, -1]]),
+        grip=np.stack([[length, 0.0, 0.0] for length in arc[:, -1]]),
         last=rows - 3,
         terms=1 if rich else None,
     )

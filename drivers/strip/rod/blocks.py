@@ -135,8 +135,8 @@ def _store_poses(batch: Any, b: int, poses: Any) -> None:
     `b`.
     """
     for i in batch.strips[b]:
-        if i < len(batch.held):
-            batch.held[i] = poses[i]
+        if i < len(batch.grip):
+            batch.grip[i] = poses[i]
 
 
 @kernel
@@ -150,7 +150,7 @@ def _step_block(batch: Any, b: int, poses: Any, output: Any, pace: Any) -> None:
     for k in range(len(poses)):
         if _living_lanes(batch, b, b + 1) == 0:
             break
-        grips = Grips(batch.strips[b], batch.alive[b], batch.held, poses[k])
+        grips = Grips(batch.strips[b], batch.alive[b], batch.grip, poses[k])
         moment = Moment(k, pace.start + (k + 1) * pace.h, pace.h)
         _finish_lanes(batch, b, step(block, grips, step_pace), output, moment)
         _store_poses(batch, b, poses[k])

@@ -163,9 +163,9 @@ class Rod:
         OBSERVABLE_COUNT).
         """
         poses = np.ascontiguousarray(poses, dtype=np.float64)
-        if poses.shape[1:] != self._batch.held.shape:
+        if poses.shape[1:] != self._batch.grip.shape:
             raise ValueError(
-                f"poses {poses.shape}; expected (k, {len(self._batch.held)}, 3)"
+                f"poses {poses.shape}; expected (k, {len(self._batch.grip)}, 3)"
             )
         observed = np.empty((len(poses), *self._observed.shape))
         observed[:] = self._observed
@@ -190,7 +190,7 @@ class Rod:
         if self._strict and self.failed.any():
             i = int(np.argmax(self.failed))
             time = float(batch.monitor[i, at.FAILURE_TIME])
-            if not np.isfinite(batch.held[i]).all():
+            if not np.isfinite(batch.grip[i]).all():
                 raise SimulationNotFinite("rod", time)
             raise SimulationNotConverged("rod", i, time)
 

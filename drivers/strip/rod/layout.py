@@ -69,7 +69,7 @@ class Batch(NamedTuple):
     `nature`, the coefficients, and `state` (blocks, rows, fields[, LANE_COUNT]); `work`
     and `band`, which blocks share; `strips` and `alive`: which strip each lane holds
     and whether it is still simulated; of each strip `monitor` (n, MONITOR_SIZE), `arc`
-    (n, nodes) and `held` (n, 3), its last grip pose; `last` and `terms` as in Block.
+    (n, nodes) and `grip` (n, 3), its last grip pose; `last` and `terms` as in Block.
     """
 
     nature: Any
@@ -80,7 +80,7 @@ class Batch(NamedTuple):
     alive: Any
     monitor: Any
     arc: Any
-    held: Any
+    grip: Any
     last: int
     terms: Any
 

@@ -32,7 +32,7 @@ def lift_path(batch: Batch, start: Array) -> Array:
     the strip's reach.
     """
     fraction = np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:, None]
-    path: Array = batch.held + fraction[:, :, None] * (start - batch.held)
+    path: Array = batch.grip + fraction[:, :, None] * (start - batch.grip)
     path[:, :, 1] = np.sqrt(fraction) * start[:, 1]
     return path
 
@@ -50,9 +50,9 @@ def fit_length(
     """
     slack = batch.arc[:, -1] - np.array([model.stated_length for model in models])
     is_short, is_long = slack < 0, slack > 0
-    goal = batch.held - slack[:, None] * (1.0, 0.0, 0.0)
-    _stretch(batch, goal[:, 0] / batch.held[:, 0], is_short)
-    batch.held[is_short] = goal[is_short]
+    goal = batch.grip - slack[:, None] * (1.0, 0.0, 0.0)
+    _stretch(batch, goal[:, 0] / batch.grip[:, 0], is_short)
+    batch.grip[is_short] = goal[is_short]
     if is_long.any():
         rigid = batch._replace(nature=_rigid_nature(batch, models))
         settle(end_strips(rigid, ~is_long), _wave_path(batch, goal, slack, steps))
@@ -68,7 +68,7 @@ def _wave_path(batch: Batch, goal: Array, slack: Array, steps: int) -> Array:
     middle.
     """
     fraction = np.linspace(0.0, 1.0, steps + 1)[1:, None]
-    path: Array = batch.held + fraction[:, :, None] * (goal - batch.held)
+    path: Array = batch.grip + fraction[:, :, None] * (goal - batch.grip)
     reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
     path[:, :, 1] = APPROACH_HEIGHT * reach * np.sqrt(fraction * (1 - fraction))
     return path
@@ -111,7 +111,7 @@ def _follow_damped(batch: Batch, poses: Array, dt: float) -> None:
     """Step along `poses` (k, n, 3) [m, m, rad] by backward Euler; raises on failure or
     touch.
     """
-    observed = np.zeros((len(poses), len(batch.held), at.OBSERVABLE_COUNT))
+    observed = np.zeros((len(poses), len(batch.grip), at.OBSERVABLE_COUNT))
     output = Output(observed, np.empty((0, 0, 0, 2)), 1)
     step_along(batch, poses, output, Pace(0.0, dt, 0.0, 0.0))
     failed, touched = (

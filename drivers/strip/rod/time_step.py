@@ -49,13 +49,13 @@ class Grips(NamedTuple):
     lanes.
 
     `strips` (LANE_COUNT,) are the strips that the lanes hold, `alive` whether each is
-    still simulated; `held` (n, 3) are the poses before the step, `poses` (n, 3) those
+    still simulated; `before` (n, 3) are the poses before the step, `poses` (n, 3) those
     after it.
     """
 
     strips: Any
     alive: Any
-    held: Any
+    before: Any
     poses: Any
 
 
@@ -277,7 +277,7 @@ def _place_grips(block: Any, grips: Any, fraction: float) -> None:
             i = grips.strips[lane]
             for c in range(3):
                 goal = grips.poses[i, c]
-                pose[c] = goal - (1.0 - fraction) * (goal - grips.held[i, c])
+                pose[c] = goal - (1.0 - fraction) * (goal - grips.before[i, c])
             _place_grip(block, lane, pose)
 
 

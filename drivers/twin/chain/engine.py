@@ -98,7 +98,7 @@ class Slide:
     force.
 
     It sticks again when the motion reverses. `joint` is the coordinate, `stiffness`
-    that of the spring, all in the chain's scaled units; `rest` is the spring's rest
+    that of the spring, all in the chain's scaled units; `anchor` is the spring's rest
     position and `sliding` the sign of the motion.
     """
 
@@ -106,7 +106,7 @@ class Slide:
     stiffness: float
     limit: float
     both_ways: bool
-    rest: float = 0.0
+    anchor: float = 0.0
     sliding: float = NOT_SLIDING
 
     @classmethod
@@ -128,10 +128,10 @@ class Slide:
         if self.sliding != NOT_SLIDING:
             # reversed: stick, with the spring at the same force
             if self.sliding * rate <= 0:
-                self.rest = position - self.sliding * limit / self.stiffness
+                self.anchor = position - self.sliding * limit / self.stiffness
                 self.sliding = NOT_SLIDING
             return
-        force = self.stiffness * (position - self.rest)
+        force = self.stiffness * (position - self.anchor)
         if force > limit or (self.both_ways and -force > limit):
             self.sliding = float(np.sign(force))
 
@@ -143,7 +143,7 @@ class Slide:
         model.jnt_stiffness[joint] = (
             self.stiffness if self.sliding == NOT_SLIDING else 0.0
         )
-        model.qpos_spring[joint] = self.rest
+        model.qpos_spring[joint] = self.anchor
         data.qfrc_applied[joint] = -self.sliding * self.limit
 
 
@@ -175,7 +175,9 @@ class Ends:
             grip=Slide.sticking(
                 joints.grip, grip_force, lumps.along[-1], both_ways=False
             ),
-            edge=Slide.sticking(joints.edge, edge_force, lumps.held[0], both_ways=True),
+            edge=Slide.sticking(
+                joints.edge, edge_force, lumps.stiffest[0], both_ways=True
+            ),
             friction=friction,
             edge_weight=0.5 * float(lumps.mass[0]) * gravity,
         )

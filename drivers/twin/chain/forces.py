@@ -30,8 +30,8 @@ class Loads:
         self._has_friction = bool(hinges.slip.any())
         self._relaxes = bool(hinges.fading.any())
         self._has_drag = bool(lumps.drag.any())
-        self._angle = hinges.rest * 0.0
-        self._strain = hinges.rest * 0.0  # of the Maxwell elements [rad]
+        self._angle = hinges.rest_angle * 0.0
+        self._strain = hinges.rest_angle * 0.0  # of the Maxwell elements [rad]
         self._elapsed = 0.0
 
     def update(self, data: mujoco.MjData, h: float) -> None:
@@ -72,7 +72,7 @@ class Loads:
         )
         self._angle = angle.copy()
         self._elapsed = h
-        return lumps.fading * (angle - lumps.rest - self._strain)
+        return lumps.fading * (angle - lumps.rest_angle - self._strain)
 
     def _drag(self, data: mujoco.MjData, h: float) -> Array:
         """Drag forces (n, 2) [N] along x and z on the links, against their motion.
@@ -239,7 +239,7 @@ def _fifth_order(parts: Parts) -> ForceFunction:
     lumps = parts.lumps.hinges
 
     def law(angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG001
-        bent = angle - lumps.rest
+        bent = angle - lumps.rest_angle
         return lumps.fifth * bent**5, 5.0 * lumps.fifth * bent**4
 
     return resistance(parts, law)

@@ -23,19 +23,19 @@ class HingeLumps:
     the first and the last one for half a link, so that both clamps are of second order
     in the links' lengths.
 
-    `stiffness` [N m/rad], `damping` [N m s/rad], `quadratic` [N m s^2/rad^2], `rest`
-    [rad], `cubic` [N m/rad^3], `fifth` [N m/rad^5]; of the element of friction beside
-    them `presliding` [N m/rad] and `slip` [rad], its deflection when it begins to
-    slide; of friction without a yield point `gradual` [N m/rad], its stiffness, and
-    `gradual_limit` [N m], its moment in full sliding; `fading` [N m/rad], what of the
-    stiffness relaxes within `fading_time` [s].
+    `stiffness` [N m/rad], `damping` [N m s/rad], `quadratic` [N m s^2/rad^2],
+    `rest_angle` [rad], `cubic` [N m/rad^3], `fifth` [N m/rad^5]; of the element of
+    friction beside them `presliding` [N m/rad] and `slip` [rad], its deflection when it
+    begins to slide; of friction without a yield point `gradual` [N m/rad], its
+    stiffness, and `gradual_limit` [N m], its moment in full sliding; `fading` [N
+    m/rad], what of the stiffness relaxes within `fading_time` [s].
     """
 
     reach: Array
     stiffness: Array
     damping: Array
     quadratic: Array
-    rest: Array
+    rest_angle: Array
     cubic: Array
     fifth: Array
     presliding: Array
@@ -76,7 +76,7 @@ class HingeLumps:
             stiffness=stiffness,
             damping=stiffness * share * bare * creep,
             quadratic=stiffness * share**2 * law.quadratic_damping / reach,
-            rest=strip.total(strip.rest_curvature, middles),
+            rest_angle=strip.total(strip.rest_curvature, middles),
             cubic=elastic * cubic_growth,
             fifth=elastic * law.fifth * cubic_growth**2,
             presliding=(1.0 - law.gradual) * presliding,
@@ -123,7 +123,7 @@ class Lumps:
     Of the links, all (n,): length `spans` [m], `mass` [kg] and `drag` [N s^2/m^2],
     force over the square of the normal speed; `air` says what other speeds count.
     `cling` [N] holds a link to another that it touches, `along` [N/m] is its stiffness
-    along itself, `held` the largest that a chain steps.
+    along itself, `stiffest` the largest that a chain steps.
     """
 
     hinges: HingeLumps
@@ -134,7 +134,7 @@ class Lumps:
     air: Drag
     cling: Array
     along: Array
-    held: Array
+    stiffest: Array
 
     @classmethod
     def from_model(cls, model: StripModel, links: int) -> Self:
@@ -155,7 +155,7 @@ class Lumps:
             air=strip.drag,
             cling=strip.adhesion * spans * scale,
             along=min(RIGID * weight, strip.stretch_stiffness) * scale / spans,
-            held=RIGID * weight * scale / spans,
+            stiffest=RIGID * weight * scale / spans,
         )
 
     @property
@@ -163,7 +163,7 @@ class Lumps:
         """Whether the strip is so soft along itself that a chain simulates its
         stretch.
         """
-        return bool((self.along < self.held).any())
+        return bool((self.along < self.stiffest).any())
 
 
 def chain_nodes(length: float, links: int) -> Array:

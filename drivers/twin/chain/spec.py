@@ -170,7 +170,7 @@ def _add_slide(
     """
     if node == 0:
         moves = np.isfinite(model.boundary.edge_friction)
-        stiffness = lumps.held[0]
+        stiffness = lumps.stiffest[0]
     else:
         slips = node == len(lumps.mass) and np.isfinite(model.boundary.grip_force)
         moves = lumps.stretches or slips
@@ -202,7 +202,7 @@ def _add_hinge(
             hinges.quadratic[node],
             0.0,
         ],
-        springref=hinges.rest[node],
+        springref=hinges.rest_angle[node],
     )
     if hinges.slip[node] > 0 and hinges.presliding[node] > 0:
         # A joint has one spring; a tendon is the other, with friction.

@@ -111,7 +111,7 @@ class LogCreep(Cause):
         """Moment that every hinge loses by creep."""
         times = np.geomspace(self.quick, self.slow, ELEMENTS)
         share = self.ratio / ELEMENTS * parts.lumps.hinges.stiffness
-        return resistance(parts, Fading(share, parts.lumps.hinges.rest, times))
+        return resistance(parts, Fading(share, parts.lumps.hinges.rest_angle, times))
 
 
 class Fading:
