@@ -186,22 +186,26 @@ class _Learner:
     def _predict(self, unknowns: tuple[Unknown, ...]) -> tuple[float, float]:
         """Mean [m] and variance [m^2] of the sum of `unknowns`, given the epoch's
         folds.
+
+        Bayesian linear regression: A = diag(1 / sigma^2) + sum h h' / noise^2 over the
+        folds, b = sum h y / noise^2; the mean is g' A^-1 b, the variance g' A^-1 g.
         """
         names = sorted({*unknowns}.union(*(used for used, *_ in self._rows)), key=str)
         columns = {name: i for i, name in enumerate(names)}
         precision = np.diag([self._sigma(name) ** -2 for name in names])
         weighted = np.zeros(len(names))
         for used, y, noise in self._rows:
-            row = _indicator(used, columns)
-            precision += np.outer(row, row) / noise**2
-            weighted += row * y / noise**2
-        row = _indicator(unknowns, columns)
-        solved = np.linalg.solve(precision, np.column_stack([weighted, row]))
-        return float(row @ solved[:, 0]), float(row @ solved[:, 1])
+            h = _indicator(used, columns)
+            precision += np.outer(h, h) / noise**2
+            weighted += h * y / noise**2
+
+        g = _indicator(unknowns, columns)
+        solved = np.linalg.solve(precision, np.column_stack([weighted, g]))
+        return float(g @ solved[:, 0]), float(g @ solved[:, 1])
 
 
 def _indicator(unknowns: Sequence[Unknown], columns: dict[Unknown, int]) -> Array:
-    """Vector (n,) with ones at the places of `unknowns`, zeros elsewhere."""
+    """Vector (n,) with ones in the `columns` of `unknowns`, zeros elsewhere."""
     row = np.zeros(len(columns))
     row[[columns[name] for name in unknowns]] = 1.0
     return row
@@ -222,11 +226,13 @@ def averaged_parts(
     strips = np.array([e.strip for e in experiences])
     pieces = _specimens(experiences)
     same = (pieces[:, None] == pieces).astype(float)
-    noise = REPEAT**2 * np.eye(len(y))
+
     # covariances of y: if nothing is off, and if something is
+    noise = REPEAT**2 * np.eye(len(y))
     null = (USUAL**2 + MISREAD**2) * same + noise
     off = PRIORS["cell"] ** 2 + PRIORS["strip"] ** 2 * (strips[:, None] == strips)
     off = off + PRIORS["specimen"] ** 2 * same + noise
+
     usual = USUAL**2 * (pieces == f"{strip}/{specimen}") @ np.linalg.solve(null, y)
     p_off = expit(_log_density(y, off) - _log_density(y, null) + logit(OFF))
     cell_bias, strip_bias, specimen_bias = (float(p_off * part) for part in parts)

@@ -209,12 +209,12 @@ def _find_strip(
     length.
     """
     height, width = image.shape[:2]
-    rim = calibration.to_plane(
-        np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * (width - 1, height - 1)
-    )
+    corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * (width - 1, height - 1)
+    rim = calibration.to_plane(corners)
     ends = zip(rim.min(axis=0), rim.max(axis=0), strict=True)
     x, z = (np.arange(low, high, RASTER) for low, high in ends)
     plane = sample_plane(image, calibration, np.stack(np.meshgrid(x, z), axis=-1))
+
     stated = np.array([strip.colour[::-1]], dtype=np.float64)  # BGR
     distances = colour_distances(plane, stated)[..., 0]
     for limit in LIMITS:
@@ -223,9 +223,9 @@ def _find_strip(
         if abs(lengths[best] / strip.length - 1) < ALIKE:
             v, u = np.nonzero(labels == best)
             line = np.polynomial.Polynomial.fit(x[u], z[v], 1)
-            left, right = (
-                np.array([end, line(end)]) for end in (x[u.min()], x[u.max()])
-            )
+            first, last = x[u.min()], x[u.max()]
+            left = np.array([first, line(first)])
+            right = np.array([last, line(last)])
             return _SeenStrip(left, right, np.median(plane[v, u], axis=0))
     raise ConfigurationError(
         f"{film}: no strip of {in_mm(strip.length)} and of the colour"
@@ -258,16 +258,17 @@ def _find_ends(
     length = seen.length
     x = np.linspace(0.06, 0.94, 120) * length
     down = np.arange(PROBE, -PROBE, -FINE)
-    rows = sample_plane(
-        image, calibration, np.stack(np.broadcast_arrays(x[:, None], down), -1)
-    )
+    probed = np.stack(np.broadcast_arrays(x[:, None], down), -1)
+    rows = sample_plane(image, calibration, probed)
     border = PROBE - FINE * np.array([colour_edge(row, seen.colour) for row in rows])
+
     ends = []
     for end, outward in ((0.0, -1.0), (length, 1.0)):
         near = np.isfinite(border) & (np.abs(x - end) < NEAR_END * length)
         slope = start = 0.0
         if near.any():
             slope, start, *_ = theilslopes(border[near], x[near])
+
         along = end + outward * np.arange(-WITHIN, BEYOND, FINE)
         # the midline
         line = np.column_stack([along, start + slope * along + thickness / 2])

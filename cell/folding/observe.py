@@ -297,13 +297,17 @@ def _held_path(
     ends = [
         (held.measurement.stamp, held.end) for held in measured if held.end is not None
     ]
-    lift = ends[0][0]
+    lift, _ = ends[0]
+
+    # at rest in the first image, and in the last one in which the strip lay flat
+    lying_at = {0.0}
+    for held in measured:
+        image = held.measurement
+        if image.stamp < lift and image.contact_x > strip.length - FLAT_LENGTH:
+            lying_at = {0.0, image.stamp}
     lying = Pose(strip.length, 0.0, 0.0)
-    before = [held.measurement for held in measured if held.measurement.stamp < lift]
-    flat = [
-        image.stamp for image in before if image.contact_x > strip.length - FLAT_LENGTH
-    ]
-    resting = [(stamp, lying) for stamp in sorted({0.0, *flat[-1:]}) if stamp < lift]
+    resting = [(stamp, lying) for stamp in sorted(lying_at) if stamp < lift]
+
     rows = [(stamp, pose.x, pose.z, pose.pitch) for stamp, pose in [*resting, *ends]]
     stamps, x, z, pitch = np.array(rows).T
     t = np.arange(stamps[0], stamps[-1], ROW_PERIOD)

@@ -321,31 +321,38 @@ def unnest(
     """
     found: list[tuple[str, pa.ChunkedArray]] = []
     for name, column in zip(table.column_names, table.columns, strict=True):
-        kind, stated = column.type, (names or {}).get(name)
-        parts = dict.fromkeys(_axes(stated, 1), column)
-        if pa.types.is_struct(kind):
-            parts = {
-                kind[i].name: pc.struct_field(column, [i])
-                for i in range(kind.num_fields)
-            }
-        elif pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind):
-            sizes = pc.list_value_length(column).unique().to_pylist()
-            # a list of several sizes stays one
-            size = (sizes[0] or 0) if len(sizes) == 1 else 0
-            check_width(size, f"{origin}: column {name!r}")
-            parts = {
-                a: pc.list_element(column, i) for i, a in enumerate(_axes(stated, size))
-            }
+        stated = (names or {}).get(name)
+        parts = _parts_of(column, stated, f"{origin}: column {name!r}")
         named = [
             (name if axis is None else f"{name}.{axis}", part)
             for axis, part in parts.items()
         ]
-        if named and pa.types.is_nested(kind):
+        if named and pa.types.is_nested(column.type):
             inner = unnest(pa.table(dict(named)), origin)
             named = [*zip(inner.column_names, inner.columns, strict=True)]
         found += named or [(name, column)]
         check_width(len(found), origin)
     return pa.table([column for _, column in found], [name for name, _ in found])
+
+
+def _parts_of(
+    column: pa.ChunkedArray, stated: object, origin: str
+) -> dict[Any, pa.ChunkedArray]:
+    """Fields of a struct or numbers of a vector by name, as `stated`; none of a list of
+    several sizes.
+    """
+    kind = column.type
+    if pa.types.is_struct(kind):
+        fields = range(kind.num_fields)
+        return {kind[i].name: pc.struct_field(column, [i]) for i in fields}
+    if not (pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind)):
+        return dict.fromkeys(_axes(stated, 1), column)
+
+    sizes = pc.list_value_length(column).unique().to_pylist()
+    size = (sizes[0] or 0) if len(sizes) == 1 else 0
+    check_width(size, origin)
+    axes = _axes(stated, size)
+    return {axis: pc.list_element(column, i) for i, axis in enumerate(axes)}
 
 
 def check_width(count: int, origin: str) -> None:

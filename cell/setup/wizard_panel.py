@@ -163,15 +163,16 @@ def sketch_text(sketch: Sketch) -> Text:
     frame = (size - 1) / scale * [(0, 0), (1, 0), (1, 1), (0, 1)]
     for layer, corners in enumerate((frame, sketch.wanted, sketch.seen), start=1):
         if corners is not None:
-            points = np.clip(
-                np.rint(corners * scale), -FAR_OUTSIDE, FAR_OUTSIDE
-            ).astype(np.int32)
+            dots = np.clip(np.rint(corners * scale), -FAR_OUTSIDE, FAR_OUTSIDE)
+            points = dots.astype(np.int32)
             cv2.polylines(picture, [points], isClosed=True, color=layer)
+
+    # a character of braille has 4 x 2 dots
     text = Text(no_wrap=True)
     for row in picture.reshape(rows, 4, columns, 2).swapaxes(1, 2):
         for block in row:
-            dots = int(DOTS[block > 0].sum())
-            text.append(chr(BRAILLE + dots), SKETCH_STYLES[block.max()])
+            pattern = int(DOTS[block > 0].sum())
+            text.append(chr(BRAILLE + pattern), SKETCH_STYLES[block.max()])
         text.append("\n")
     return text.append("yellow: wanted  green: seen", "dim")
 

@@ -49,15 +49,18 @@ def whole_path(
     `touch` of the layers, or without one as where the strip hangs straight down, and
     end at x = `goal` [m].
     """
+    home = Pose(length, installation.home_height, 0.0)
+    approach = [pose.as_array() for pose in (home, *approach_poses(length, fold))]
+
     carry = _thin_out(carry)
+    carried = np.column_stack([carry, lift_pitch(arc_lengths(carry))])[1:]
+
     x, z = carry[-1].tolist()
     taut = max(x - z, 0.0) if touch is None else taut_edge(touch)
     plan = lay_plan(Pose(x, z, HANGING), taut, LAYERS, goal, fold)
     lay = np.insert(plan.path.points[1:], 2, HANGING, axis=1)
-    home = Pose(length, installation.home_height, 0.0)
-    approach = [pose.as_array() for pose in (home, *approach_poses(length, fold))]
     let_go = retreat(plan.held(), fold).as_array()[None]
-    carried = np.column_stack([carry, lift_pitch(arc_lengths(carry))])[1:]
+
     parts = (approach, carried, lay, let_go)
     fastest = min(installation.limits.x.velocity, installation.limits.z.velocity)
     speeds = (fastest, fold.speed, fold.lay_speed, fastest)

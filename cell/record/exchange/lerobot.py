@@ -97,9 +97,11 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
         frames.append(_features(run, runs) | counters)
         _write(out / _fill_pattern(DATA, 0, i), _table(frames[-1]))
         begin += count
+
     stats, info = _stats(frames), _info(runs, frames[0], begin, len(tasks))
     if CAMERA_STAMP in frames[0]:
         info["features"][CAMERA], stats[CAMERA] = _write_films(runs, rows, out, fps)
+
     episodes = {name: [row[name] for row in rows] for name in rows[0]}
     _write(out / _fill_pattern(EPISODES, 0, 0), pa.table(episodes))
     _write(out / TASKS, _tasks(tasks))
@@ -185,14 +187,16 @@ def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
             vectors = np.column_stack([ticks[column] for column in there])
             found[name] = Feature(vectors, there)
     found["stamp"] = Feature(ticks["t"])
+
     if any(len(other.ticks.contacts()[0]) for other in runs):
-        stamps, places = run.ticks.contacts()
-        found["measured.contact"] = _at_frames(run, stamps, places)
+        stamps, contacts = run.ticks.contacts()
+        found["measured.contact"] = _at_frames(run, stamps, contacts)
         found["measured.contact_stamp"] = _at_frames(run, stamps, stamps)
     if all(other.film_stamps() for other in runs):
         shown = run.film_stamps()
         newest = [shown[number] for number in _newest_images(run)]
         found[CAMERA_STAMP] = Feature(np.array(newest))
+
     curves = [curve for other in runs for _, curve in other.profile.curves()]
     points = max(map(len, curves), default=0)
     return found | (_curves(run, points) if points else {})

@@ -452,12 +452,15 @@ def _split(rows: list[str], table: Table[Any]) -> tuple[list[str], str, str]:
     delimiter, unless it is the whole row in the middle. Any number of blanks is one.
     """
     row = rows[len(rows) // 2].strip() if rows else ""
-    found = table.delimiter or max(
-        MARKS, key=(DECIMAL_COMMA.sub("", row).strip(" ") or row).count
-    )
+    without_decimals = DECIMAL_COMMA.sub("", row).strip(" ") or row
+    found = table.delimiter or max(MARKS, key=without_decimals.count)
+
     no_mark = found not in row or all(map(PLAIN.fullmatch, row.split(" ")))
-    if found == " " or (table.delimiter is None and " " in row and no_mark):
-        rows, found = ["\t".join(row.split()) for row in rows], "\t"
+    by_blanks = table.delimiter is None and " " in row and no_mark
+    if found == " " or by_blanks:
+        rows = ["\t".join(row.split()) for row in rows]
+        found = "\t"
+
     has_commas = found != "," and any(map(DECIMAL_COMMA.search, rows))
     return rows, found, table.decimal or ("," if has_commas else ".")
 

@@ -60,6 +60,7 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
     value = float((weight * y).sum() / weight.sum())
     quantile = 0.5 + CONFIDENCE / 2
     half = float(norm.ppf(quantile) / np.sqrt(weight.sum()))
+
     agreement = 1.0
     freedom = len(y) - 1
     if freedom:
