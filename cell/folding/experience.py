@@ -133,12 +133,13 @@ class Memory:
             forgotten = set(lines) if run is None else self._lines_of(run)
             if not forgotten:
                 return None
+
             names = (f"{self.path.stem}.forgotten-{number}" for number in count(1))
             paths = map(self.path.with_name, names)
             aside = next(free for free in paths if not os.path.lexists(free))
-            for path, stay in ((aside, True), (self.path, False)):
-                kept = (line for line in lines if (line in forgotten) is stay)
-                replace_file(path, b"".join(kept))
+            # first the copy, so that a crash between the two loses nothing
+            replace_file(aside, b"".join(s for s in lines if s in forgotten))
+            replace_file(self.path, b"".join(s for s in lines if s not in forgotten))
             return aside
 
     def _lines_of(self, run: Path) -> set[bytes]:

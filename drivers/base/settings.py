@@ -248,11 +248,8 @@ def _model_in(annotation: Any) -> Any:
     """
     if hasattr(annotation, "model_fields"):
         return annotation
-    if isinstance(get_origin(annotation), type) and issubclass(
-        get_origin(annotation), Mapping
-    ):
+    origin = get_origin(annotation)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
         return None  # keys of its own stand between
-    models = {
-        inner for inner in map(_model_in, get_args(annotation)) if inner is not None
-    }
+    models = {*map(_model_in, get_args(annotation))} - {None}
     return models.pop() if len(models) == 1 else None

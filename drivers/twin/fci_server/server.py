@@ -245,14 +245,12 @@ class RobotServer:
                 arm.repeat()
                 self._offer_at = time.monotonic() + OFFER_ARM
         command = arm.command()
-        if command is not None and arm.datagram_fileno not in events:
+        if command is None:
+            return
+        if arm.datagram_fileno not in events:
             # requests that were sent before this command, and after the wait
             self._poll_sockets(0)
-        if (
-            command is not None
-            and command.message_id == self.robot.time
-            and self.robot.moving
-        ):
+        if command.message_id == self.robot.time and self.robot.moving:
             self._follow(command)
             self._offer_at = time.monotonic() + OFFER_ARM
             self._pace.restart()
