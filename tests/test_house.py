@@ -4,6 +4,7 @@ shapes.
 
 import re
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 from tests.support.docstrings import shapeless, silent
@@ -34,10 +35,20 @@ def test_weight_of_the_house_only_falls() -> None:
     much elsewhere. What weighs is said in `tests.support.weight`.
     """
     product = [path for _, path in modules()]
-    tests = (ROOT / "tests").rglob("*.py")
-    assert sum(map(weight, map(text, product))) <= PRODUCT_WEIGHT
+    assert _weight_of(product) <= PRODUCT_WEIGHT
     assert len(product) <= PRODUCT_MODULES
-    assert sum(map(weight, map(text, tests))) <= TEST_WEIGHT
+    assert _weight_of((ROOT / "tests").rglob("*.py")) <= TEST_WEIGHT
+
+
+def _weight_of(paths: Iterable[Path]) -> int:
+    return sum(map(weight, map(text, paths)))
+
+
+def test_no_name_of_a_class_stands_for_two_things() -> None:
+    names: list[str] = []
+    for _, path in modules():
+        names += re.findall(r"(?m)^class ([A-Z]\w+)", text(path))
+    assert sorted(names) == sorted({*names})
 
 
 def test_pages_have_no_more_words_than_a_reader_has_patience_for() -> None:
@@ -84,22 +95,18 @@ def test_every_public_function_that_raises_says_so() -> None:
 
 def test_runbooks_and_readme_name_only_commands_files_and_headings_that_exist() -> None:
     missing = Counter()
-    for page in (
-        ROOT / "README.md",
-        *(ROOT / "runbooks").rglob("*.md"),
-        *NOTES.glob("*.md"),
-    ):
-        text = page.read_text(encoding="utf-8")
-        for module in re.findall(r"python -m (tests[\w.]+)", text):
-            place = ROOT / module.rstrip(".").replace(".", "/")
+    for page in (ROOT / "README.md", *RUNBOOKS.rglob("*.md"), *NOTES.glob("*.md")):
+        words = text(page)
+        for module in re.findall(r"python -m (tests[\w.]*\w)", words):
+            path = ROOT / module.replace(".", "/")
             missing[module] += not (
-                place.with_suffix(".py").is_file() or (place / "__main__.py").is_file()
+                path.with_suffix(".py").is_file() or (path / "__main__.py").is_file()
             )
         for file in re.findall(
-            r"`((?:cell|drivers|policies|calibration|tests)/[\w/]+\.py)`", text
+            r"`((?:cell|drivers|policies|calibration|tests)/[\w/]+\.py)`", words
         ):
             missing[file] += not (ROOT / file).is_file()
-        for link, heading in re.findall(r"\]\(([\w/.-]*)(?:#([\w-]+))?\)", text):
+        for link, heading in re.findall(r"\]\(([\w/.-]*)(?:#([\w-]+))?\)", words):
             target = page.parent / link if link else page
             missing[f"{page.name}: {link}"] += not target.exists()
             if heading and target.is_file():
@@ -111,5 +118,5 @@ def test_runbooks_and_readme_name_only_commands_files_and_headings_that_exist() 
 
 def headings(page: Path) -> set[str]:
     """Anchors of the headings of a page, as they stand in links to them."""
-    titles = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    titles = re.findall(r"(?m)^#+ (.*)$", text(page))
     return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
