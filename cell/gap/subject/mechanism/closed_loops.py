@@ -159,5 +159,8 @@ class ClosedLoops:
         """Root mean square [m or rad] by which positions `q` (m, n) leave the loops
         open.
         """
-        gaps = [self._jacobian(row)[1] for row in q]
-        return float(np.sqrt(np.mean([gap @ gap for gap in gaps])))
+        squares = []
+        for row in q:
+            _, gap = self._jacobian(row)
+            squares.append(gap @ gap)  # before the next pose is written over it
+        return float(np.sqrt(np.mean(squares)))
