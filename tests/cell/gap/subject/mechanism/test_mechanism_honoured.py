@@ -125,9 +125,9 @@ def test_a_closed_loop_is_driven_through_its_equality(tmp_path: Path) -> None:
     runs = shutil.copytree(case, tmp_path / "case") / "runs"
     file = runs.with_name("model") / "robot.yaml"
     for table in runs.rglob("signals.parquet"):
-        edit_column(table, "coupler", lambda angle: angle + 0.01)
+        edit_column(table, "coupler", lambda angle: 1.02 * angle)
     off = opened(file, runs)
-    assert "does not close by 3." in "".join(off.notes)
+    assert "does not close by 4.8 mm" in "".join(off.notes)
     assert left(off) == pytest.approx(rest)
     edit_yaml(file, inputs={"crank": "position"})
     assert left(opened(file, runs)) < 0.1
