@@ -38,7 +38,8 @@ BRAKING = 0.5  # m/s^2, less than any arm's limit, towards the end of a lay
 # m/s, least speed of a lay, so that braking by the distance left reaches its end
 CREEP = 0.005
 ALIGNED = 0.0003  # m, of an edge from its place, that no push is worth
-LEAST_PASSED = 0.2  # share of a push that a bent layer passes on at least
+TAUT = 0.002  # m by which a layer that has bowed up is pulled beyond flat
+MOST_PULLS = 5  # of an edge that is pushed
 REST_TRAVEL = 0.0005  # m that the profile's mean travels, below which a strip rests
 
 
@@ -327,22 +328,36 @@ def _push(
     is to lie.
 
     The fold rolls on after the touch, so that the upper layer is too long; a push rolls
-    it back. How much of a push the layer's bent end passes on is learnt from push to
-    push, at first all of it. Nothing slides on release: friction holds what lies.
+    it back while the layer lies flat. One that bows up passes little on: it is pulled
+    flat, and pushed again. Nothing slides on release: friction holds what lies.
     """
-    pushed, passed = 0.0, 1.0
+    pushed, pulls = 0.0, 0
     beyond = first = yield from _seen_beyond(given, plan, snapshot.arm.pose)
-    while beyond > ALIGNED and pushed < fold_path.PUSH:
-        step = min(beyond / passed, fold_path.PUSH - pushed)
-        pushed += step
-        snapshot = yield from steps.move(plan.held(pushed))
+    while beyond > ALIGNED and pushed < fold_path.PUSH and pulls < MOST_PULLS:
+        step = min(beyond, fold_path.PUSH - pushed)
         before = beyond
-        beyond = yield from _seen_beyond(given, plan, snapshot.arm.pose)
-        passed = min(max((before - beyond) / step, LEAST_PASSED), 1.0)
-        if isfinite(beyond):
-            log.bent = pushed - (first - beyond)
-        record.event(snapshot.time, "pushed", by=pushed, beyond=beyond)
+        pushed += step
+        snapshot, beyond = yield from _held_at(given, plan, record, pushed)
+        bow = step - (before - beyond)
+        if beyond > ALIGNED and bow > step / 2:
+            pulls += 1
+            pushed -= bow + TAUT
+            snapshot, beyond = yield from _held_at(given, plan, record, pushed)
+    if isfinite(beyond):
+        log.bent = pushed - (first - beyond)
     return snapshot
+
+
+def _held_at(
+    given: FoldInputs, plan: fold_path.LayPlan, record: Recorder, pushed: float
+) -> Generator[Command, Snapshot, tuple[Snapshot, float]]:
+    """Move the held edge to where it is `pushed` on by some m, and look how far [m] it
+    would then lie beyond its place.
+    """
+    snapshot = yield from steps.move(plan.held(pushed))
+    beyond = yield from _seen_beyond(given, plan, snapshot.arm.pose)
+    record.event(snapshot.time, "pushed", by=pushed, beyond=beyond)
+    return snapshot, beyond
 
 
 def _seen_beyond(

@@ -122,3 +122,11 @@ def test_fold_off_the_middle_lies_on_its_line_and_its_run_is_read(tmp_path) -> N
     lengths = run.result.l1 - run.result.l2 + 0.68 - 2 * run.header.line
     assert run.result.displacement == pytest.approx(lengths)
     assert read_truth(run.folder)["displacement"] == result.displacement_true
+
+
+@pytest.mark.slow
+def test_layer_that_bows_up_as_it_is_pushed_lies_flat_in_the_end(tmp_path) -> None:
+    trial = Trial(seed=1)
+    asked = request_for("jacket-knit", "adaptive", tmp_path, trial=trial)
+    result = fold(asked, calibration_of(asked.cell))
+    assert abs(result.edge_offset_true) < 0.001
