@@ -142,6 +142,7 @@ def _record(
     own = digests.pop(file)
     law = findings.law
     return FitRecord(
+        file=str(file),
         file_sha256=own,
         parts={os.path.relpath(p, file.parent): d for p, d in digests.items()},
         cell_sha256=cell_digest,
@@ -180,15 +181,11 @@ def _write_patch(
 ) -> PatchFiles:
     """Write the patch with `values` that the step `kind` accepts into `results`."""
     content, of_cell = subject.patch(*values, f"cell gap fit, {name}")
-    patch = fit_folder.PATCHES[kind]
-    write_file(results / patch, dump_yaml(content))
-
-    model = cell = None
-    text = subject.model_text(*values)
-    if text:
-        model = fit_folder.model_patch(kind)
-        write_file(results / model, text)
+    texts = {"subject": dump_yaml(content), **subject.model_texts(*values)}
     if of_cell:
-        cell = fit_folder.CELL_PATCH
-        write_file(results / cell, dump_yaml(of_cell))
-    return PatchFiles(subject=patch, model=model, cell=cell)
+        texts["cell"] = dump_yaml(of_cell)
+
+    files = fit_folder.patch_files(kind, texts)
+    for role, text in texts.items():
+        write_file(results / getattr(files, role), text)
+    return files

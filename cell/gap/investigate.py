@@ -296,7 +296,9 @@ class Investigation:
         # both gaps in the same units, with the floors of either simulation
         by_run = map(_with_largest_floor, zip(*refined, strict=True))
         before, *others = (
-            held_out_gap.fit_held_out(self.simulate, fit, runs)
+            held_out_gap.fit_held_out(
+                self.simulate, fit.model.holding(fit.shared), runs
+            )
             for fit, runs in zip(fits, zip(*by_run, strict=True), strict=True)
         )
         after = others[0] if others else before

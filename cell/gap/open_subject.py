@@ -36,10 +36,14 @@ def open_subject(
 
 
 def open_mechanism(
-    path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
+    path: Path,
+    folders: Sequence[RunFolder],
+    jobs: int = 1,
+    without: Sequence[str] = (),
+    model: Path | None = None,
 ) -> "MechanismSubject":
     """Mechanism of the file at `path` with its measured runs; `without` names withheld
-    effects.
+    effects, another `model` stands for the file's with its effects.
 
     Raises ConfigurationError for bad input, and where the stated model itself cannot be
     simulated.
@@ -49,7 +53,7 @@ def open_mechanism(
     from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
     from cell.gap.subject.mechanism.read_mechanism import open_all
 
-    mechanism = open_all(path, folders)
+    mechanism = open_all(path, folders, model)
     along_motion = CellArm if mechanism.file.cell else InverseDynamics
     engine = along_motion if mechanism.file.mode == "prescribed" else ForwardDynamics
     subject = engine(mechanism, jobs, without)

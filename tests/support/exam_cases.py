@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cell.gap.verdict.schema import Interval, NamedEffect, ValueWithUnit, Verdict
+from cell.gap.verdict.schema import Interval, NamedEffect, Verdict
 from tests.lab.exam.case import Case
 from tests.support.fit_folders import verdict_of
 from tests.support.gap_strip_cases import folds, written
@@ -47,7 +47,7 @@ def named(
 ) -> Verdict:
     """Verdict that names the effects `names`."""
     values = {
-        key: ValueWithUnit(value=v, low=low, high=high, unit="")
+        key: Interval(value=v, low=low, high=high, unit="")
         for key, (v, low, high) in (parameters or {}).items()
     }
     effects = [

@@ -1,5 +1,6 @@
 """Folders of finished fits, as `cell gap fit` leaves them to what comes after it."""
 
+import os
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,21 +9,21 @@ from typing import Any
 import yaml
 
 from cell.base.config.places import find_configs
+from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.strip.subject import patch_file
+from cell.gap.subject.subject import NamedValues
 from cell.gap.verdict.accept import AcceptResult, accept, undo
 from cell.gap.verdict.fit_folder import (
-    CELL_PATCH,
-    PATCHES,
     VERDICT,
     FitRecord,
-    PatchFiles,
     finish,
-    model_patch,
+    patch_files,
     results_folder,
 )
 from cell.gap.verdict.schema import Step, StepKind, Verdict
 from drivers.base.files import write_file
 from drivers.base.readers import file_digest
+from drivers.base.yaml_text import dump_yaml
 from drivers.strip.describe import load_strip
 
 EFFECT = {"bending_hysteresis": {"yield_curvature": 20.0, "stiffness_ratio": 8.0}}
@@ -46,6 +47,7 @@ def write_fit(
     file: Path,
     kind: StepKind,
     contents: Mapping[str, str | bytes],
+    verdict: Verdict | None = None,
     **facts: Any,
 ) -> None:
     """Leave in `out` a finished fit of `file`, of which the step `kind` accepts
@@ -54,19 +56,35 @@ def write_fit(
     `contents` are its patches of `subject`, `model` and `cell`; `facts` go into its
     record.
     """
-    names = {
-        "subject": PATCHES[kind],
-        "model": model_patch(kind),
-        "cell": CELL_PATCH,
+    files = patch_files(kind, contents)
+    own = {
+        "file": str(file),
+        "file_sha256": file_digest(file),
+        "effects": tuple(EFFECT),
     }
-    files = PatchFiles(**{role: names[role] for role in contents})
-    own = {"file_sha256": file_digest(file), "effects": tuple(EFFECT)}
     record = FitRecord(**{**own, "patches": {kind: files}, **facts})
     with results_folder(out) as stage:
         for role, content in contents.items():
-            write_file(stage / names[role], content)
-        write_file(stage / VERDICT, verdict_of(next=LOOK).to_json())
+            write_file(stage / getattr(files, role), content)
+        write_file(stage / VERDICT, (verdict or verdict_of(next=LOOK)).to_json())
         finish(stage, record)
+
+
+def write_mechanism_fit(
+    out: Path,
+    file: Path,
+    subject: MechanismSubject,
+    base: Mapping[str, float],
+    effects: NamedValues,
+) -> None:
+    """Leave in `out` a finished fit of the mechanism in `file` that named `effects`."""
+    patch, of_cell = subject.patch(base, effects, "test")
+    contents = {"subject": dump_yaml(patch), **subject.model_texts(base, effects)}
+    if of_cell:
+        contents["cell"] = dump_yaml(of_cell)
+    digests = subject.mechanism.source.digests.items()
+    parts = {os.path.relpath(path, file.parent): digest for path, digest in digests}
+    write_fit(out, file, "accept", contents, effects=tuple(effects), parts=parts)
 
 
 class Fitted:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cell.gap.fitting import Simulate, robust, run_one
 from cell.gap.fitting.gauss_newton import FitEstimate, refit
-from cell.gap.fitting.model import stated
+from cell.gap.fitting.model import Model, stated
 from cell.gap.subject.subject import FitRun, Quantity, Words
 from drivers.base.types import Array
 
@@ -28,13 +28,12 @@ class Shrink(NamedTuple):
 
 
 def fit_held_out(
-    simulate: Simulate, estimate: FitEstimate, runs: Sequence[FitRun]
+    simulate: Simulate, held: Model, runs: Sequence[FitRun]
 ) -> FitEstimate:
-    """Fit `estimate` to other `runs`: shared values stay fixed, the runs' own unknowns
-    are free.
+    """Fit a model whose shared values are `held` to `runs`: their own unknowns are
+    free.
     """
-    model = estimate.model.holding(estimate.shared)
-    return run_one(simulate, refit(model, runs, stated(runs, np.zeros(0))))
+    return run_one(simulate, refit(held, runs, stated(runs, np.zeros(0))))
 
 
 def floor(

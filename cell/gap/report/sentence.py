@@ -6,7 +6,7 @@ from cell.gap.fitting.reml import Spread
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
 from cell.gap.subject.subject import Quantity, ScatterSource
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Deviation, Interval, ValueWithUnit, Verdict
+from cell.gap.verdict.schema import Deviation, Interval, Verdict
 from cell.report.words import percent, plain
 
 POWERS = {"^2": "²", "^3": "³", "^4": "⁴"}
@@ -71,7 +71,7 @@ def interval_numbers(value: Interval, of: str, digits: int = 3) -> list[str]:
     return [number_text(in_small_unit(v, of), digits) for v in (value.value, *ends)]
 
 
-def interval_text(value: ValueWithUnit) -> str:
+def interval_text(value: Interval) -> str:
     """Text of an estimate with its 95 % interval, in the unit that pages show."""
     unit = value.unit
     middle, *ends = interval_numbers(value, unit)
@@ -193,7 +193,7 @@ def deviation_text(deviates: Sequence[Deviation]) -> str:
     return f"not as the file states: {'; '.join(parts)}"
 
 
-def _parameter_values(parameters: dict[str, ValueWithUnit]) -> str:
+def _parameter_values(parameters: dict[str, Interval]) -> str:
     return ", ".join(
         f"{plain(name)} {_quantity_text(v.value, v.unit)}"
         for name, v in parameters.items()

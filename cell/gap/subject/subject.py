@@ -475,11 +475,15 @@ class Subject(ABC):
         """Sentences for the operator on what the named effects change."""
         return ()
 
-    def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:  # noqa: ARG002
-        """Text of a model file with these `base` values and `effects`; None without
-        such a file.
+    def model_texts(
+        self,
+        base: Mapping[str, float],  # noqa: ARG002
+        effects: NamedValues,  # noqa: ARG002
+    ) -> dict[str, str]:
+        """Texts of a model file with these `base` values and `effects`: of a `model`
+        for this program, of a `plain` one for others; none without such a file.
         """
-        return None
+        return {}
 
     def draw_measured(self, run: FitRun) -> Scene:  # noqa: ARG002
         """Drawing of the measured `run`."""

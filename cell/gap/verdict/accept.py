@@ -126,9 +126,9 @@ def accept(
     with lock_folders([fit_folder(out), *_folders(file, cell_file)]):
         record = read_record(out)
         _restore_interrupted(file, cell_file)
-        offered = _offered(out, record, law=law, force=force)
-        _check_unchanged(record, file, cell_file if offered.cell else None)
-        changes = _changes(out, offered, file, cell_file)
+        files = offered(out, record, law=law, force=force)
+        _check_unchanged(record, file, cell_file if files.cell else None)
+        changes = _changes(out, files, file, cell_file)
         effects = record.laws if law else record.effects or record.values
         _store_undo(out, file, effects, changes)
         try:
@@ -175,16 +175,18 @@ def _result(changes: Sequence[Change], effects: tuple[str, ...]) -> AcceptResult
     return AcceptResult(tuple(change.path for change in changes), effects)
 
 
-def _offered(out: Path, record: FitRecord, *, law: bool, force: bool) -> PatchFiles:
+def offered(
+    out: Path, record: FitRecord, *, law: bool = False, force: bool = False
+) -> PatchFiles:
     """Files to accept: of a law, of named effects, of values or, by `force`, of
-    suspects.
+    suspects. Raises ConfigurationError where there are none.
     """
     wanted: list[StepKind] = ["accept_law"] if law else ["accept", "accept_values"]
     if force and not law:
         wanted.append("accept_suspected")
-    offered = [record.patches[kind] for kind in wanted if kind in record.patches]
-    if offered:
-        return offered[0]
+    found = [record.patches[kind] for kind in wanted if kind in record.patches]
+    if found:
+        return found[0]
     what = "no law was offered" if law else "nothing was named"
     steps = "; or: ".join(step.sentence for step in read_verdict(out / VERDICT).steps)
     raise ConfigurationError(

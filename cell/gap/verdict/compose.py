@@ -25,7 +25,6 @@ from cell.gap.verdict.schema import (
     ProbableSet,
     Unexplained,
     Untested,
-    ValueWithUnit,
     Verdict,
 )
 from drivers.strip.effects.effect import Parameter
@@ -82,7 +81,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
 
 def intervals(
     estimate: FitEstimate, inefficiency: float, scatter: Sequence[Spread]
-) -> dict[str, dict[str, ValueWithUnit]]:
+) -> dict[str, dict[str, Interval]]:
     """Estimates with 95 % intervals, by owner (`base` or an effect's name) and by
     parameter.
 
@@ -105,7 +104,7 @@ def significant(places: Sequence[Bin]) -> list[Bin]:
     return [place for place in places if place.p < SIGNIFICANT]
 
 
-def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
+def _interval(p: Parameter, value: float, half: float) -> Interval:
     """Estimate of `p` with its interval of half-width `half`, cut at bounds, in file
     units.
     """
@@ -114,7 +113,7 @@ def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
         v if np.isfinite(v) else None for v in sorted(map(p.stated_value, ends))
     )
     middle = p.stated_value(value)
-    return ValueWithUnit(
+    return Interval(
         value=middle if np.isfinite(middle) else HUGE, low=low, high=high, unit=p.unit
     )
 
@@ -241,7 +240,7 @@ def _compare_by_screen(
         se=0.0,
         p=findings.screen.p.get(name, 1.0),
         parameters={
-            p.name: ValueWithUnit(value=value, low=None, high=None, unit=p.unit)
+            p.name: Interval(value=value, low=None, high=None, unit=p.unit)
             for p, value in stated
             if np.isfinite(value)
         },
@@ -303,8 +302,7 @@ def deviations(
                     parameter=p.name,
                     stated=p.stated_value(p.start),
                     tolerated=(low, high if np.isfinite(high) else None),
-                    unit=p.unit,
-                    **value.model_dump(include={"value", "low", "high"}),
+                    **(value.model_dump() | {"unit": p.unit}),
                 )
             )
     return rows

@@ -7,7 +7,7 @@ a fit, or what somebody changed, for a whole one.
 """
 
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated
@@ -33,14 +33,11 @@ PATCHES: Mapping[StepKind, str] = {
     "accept_law": "law-patch.yaml",
 }
 """File of the patch of each step that accepts something."""
-MODEL_PATCH, LAW_MODEL_PATCH = "model-patch.xml", "law-model-patch.xml"
+MODELS = {"model": "model-patch.xml", "plain": "plain-model.xml"}
+"""Models that a fit of a mechanism writes: for its own mode, and for MuJoCo alone."""
+LAW = "law-"  # before the name of a model with the law
 LARGEST_RECORD = 4 * MEGABYTE
 FileName = Annotated[str, Field(pattern=r"^[\w-]+\.\w+$")]
-
-
-def model_patch(kind: StepKind) -> str:
-    """Name of the MuJoCo model that accepting a fit of a mechanism puts into use."""
-    return LAW_MODEL_PATCH if kind == "accept_law" else MODEL_PATCH
 
 
 class StoredLaw(Recorded):
@@ -53,23 +50,33 @@ class StoredLaw(Recorded):
 
 class PatchFiles(Recorded):
     """Names of the files that a step accepts: whole file of the `subject`, if any
-    `model` and part of the `cell` file.
+    `model` and part of the `cell` file. The model is exported as the `plain` one.
     """
 
     subject: FileName
     model: FileName | None = None
+    plain: FileName | None = None
     cell: FileName | None = None
 
     @property
     def names(self) -> list[str]:
         """Names of the files that there are."""
-        return [*filter(None, (self.subject, self.model, self.cell))]
+        return [*filter(None, (self.subject, self.model, self.plain, self.cell))]
+
+
+def patch_files(kind: StepKind, roles: Collection[str]) -> PatchFiles:
+    """Names of the files that the step `kind` accepts, in these `roles`."""
+    before = LAW if kind == "accept_law" else ""
+    names = {role: before + name for role, name in MODELS.items()}
+    names |= {"subject": PATCHES[kind], "cell": CELL_PATCH}
+    return PatchFiles(**{role: names[role] for role in roles})
 
 
 class FitRecord(Recorded):
     """Content of fit.json, the mark of a complete fit: what was fitted, what it offers.
 
-    `file_sha256` is the digest of the subject's file as it was read, `parts` are those
+    `file` is the path of the subject's file, whose digest was `file_sha256` as it was
+    read, `parts` are those
     of model, included files and meshes by their paths from its folder, `cell_sha256`
     that of cell.yaml. `effects` are those of its patch, `values` of the base are
     outside what the file tolerates, `scatter` are quantities that differ from run to
@@ -77,6 +84,7 @@ class FitRecord(Recorded):
     accepts, `results` the digests of all files of the fit.
     """
 
+    file: str = ""
     file_sha256: str
     parts: dict[str, str] = Field(default_factory=dict)
     cell_sha256: str | None = None
@@ -204,7 +212,7 @@ def _known_records(out: Path) -> list[FitRecord]:
 def _check_own(out: Path, records: Sequence[FitRecord]) -> None:
     """Refuse to write over a file in `out` that is not as one of `records` states."""
     names = {VERDICT, PAGE, OVERLAY, *PATCHES.values()}
-    names |= {CELL_PATCH, MODEL_PATCH, LAW_MODEL_PATCH}
+    names |= {CELL_PATCH, *MODELS.values(), *(LAW + name for name in MODELS.values())}
     for name in sorted(names.union(*(record.results for record in records))):
         path = out / name
         if not path.exists():

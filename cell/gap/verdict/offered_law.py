@@ -64,7 +64,8 @@ def offered_law(
     needed = needed_models(laws, posterior(laws, fits.likelihood))
     for law in (model.estimate for model in needed):
         if _stable(law):
-            after = held_out_gap.fit_held_out(simulate, law, before.runs)
+            held = law.model.holding(law.shared)
+            after = held_out_gap.fit_held_out(simulate, held, before.runs)
             closed = held_out_gap.shrink(before, after, rng).value
             if closed >= LEAST_CLOSED:
                 return _offer(law, closed)

@@ -44,19 +44,14 @@ class VerdictPart(BaseModel):
 
 
 class Interval(VerdictPart):
-    """Estimate `value` with the ends of its 95 % interval, None where it is
-    unbounded.
+    """Estimate `value` with its unit and the ends of its 95 % interval, None where it
+    is unbounded.
     """
 
     value: float
     low: float | None
     high: float | None
-
-
-class ValueWithUnit(Interval):
-    """Estimate with its 95 % interval and its unit."""
-
-    unit: str
+    unit: str = ""
 
     def __str__(self) -> str:
         """Text of the value with its unit, if any, and its interval."""
@@ -67,7 +62,7 @@ class ValueWithUnit(Interval):
         )
 
 
-class Deviation(ValueWithUnit):
+class Deviation(Interval):
     """Refitted base value outside the `tolerated` range, whose upper end is None for
     infinity.
     """
@@ -84,7 +79,7 @@ class NamedEffect(VerdictPart):
 
     name: str
     of: Literal["strip", "cell", "model", "rig"]
-    parameters: dict[str, ValueWithUnit]
+    parameters: dict[str, Interval]
     confidence: float
 
 
@@ -149,7 +144,7 @@ class CandidateEntry(VerdictPart):
     se: float
     p: float
     invariance_p: None = None
-    parameters: dict[str, ValueWithUnit]
+    parameters: dict[str, Interval]
 
 
 class ProbableSet(VerdictPart):

@@ -190,27 +190,39 @@ def export_runs(
     runs: Annotated[
         list[str],
         typer.Argument(
-            metavar="RUN", help="Runs, or folders of runs; for mjcf and newton strips."
+            metavar="RUN",
+            help="Runs, or folders of runs; of a model strips, or the folder of a fit.",
         ),
     ],
     out: Annotated[Path, typer.Option(help="New folder for the files.")],
     kind: Annotated[
-        Literal["lerobot", "mcap", "csv", "mjcf", "newton"],
+        Literal["lerobot", "mcap", "csv", "mjcf", "newton", "ranges"],
         typer.Option(
-            "--format", help="Of runs a LeRobot set, MCAP, or CSV; of strips a model."
+            "--format",
+            help=(
+                "Of runs a LeRobot set, MCAP, or CSV; of strips a model; of a fit its"
+                " model (mjcf), or the ranges of its values."
+            ),
         ),
     ] = "lerobot",
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Write runs for other programs, with exact time stamps, or strips as simulation
-    models.
+    """Write runs for other programs, with exact time stamps, or strips and what fits
+    found as simulation models.
     """
+    from cell.interface.handover import export_fit, is_fit
     from cell.record.exchange.export_runs import export_runs as convert
     from cell.setup.strips.export_strip import export_strips
 
     with busy("writing the files"):
         match kind:
+            case "ranges" | "mjcf" if kind == "ranges" or is_fit(runs[0]):
+                if len(runs) > 1:
+                    raise ConfigurationError(
+                        f"{runs[1]}: a fit is exported alone; give one folder"
+                    )
+                made = export_fit(Path(runs[0]), kind, out)
             case "mjcf" | "newton":
                 strips = [find_configs(configs).strip(name) for name in runs]
                 made = export_strips(strips, kind, out)

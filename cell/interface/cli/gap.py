@@ -32,7 +32,14 @@ from cell.interface.cli.options import (
     folded_series,
     resumable,
 )
-from cell.interface.cli.output import notice, print_json, say, working
+from cell.interface.cli.output import (
+    busy,
+    notice,
+    print_json,
+    print_table,
+    say,
+    working,
+)
 from cell.record.files import MANIFEST
 from drivers.base.errors import ConfigurationError, in_mm
 
@@ -420,6 +427,38 @@ def _print_changed(what: str, changed: "AcceptResult", *, as_json: bool) -> None
         [f"{what}: {', '.join(changed.effects)}", *map(str, changed.files)]
     )
     say({what: changed.effects, "files": changed.files}, text, as_json=as_json)
+
+
+@gap.command()
+def replay(
+    runs: RunFolders,
+    model: Annotated[Path, typer.Option("--model", help="The mechanism file.")],
+    mjcf: Annotated[
+        Path,
+        typer.Option(
+            "--mjcf", help="The model that is compared with that of the file."
+        ),
+    ],
+    jobs: Jobs = None,
+    as_json: Json = False,
+) -> None:
+    """Replay runs of a mechanism with its model, and with another that is loaded
+    alone: the gaps.
+    """
+    from cell.interface.handover import replay as replay_runs
+
+    with busy("replaying the runs"):
+        found = replay_runs(runs, model, mjcf, _threads(jobs))
+    if as_json:
+        print_json(asdict(found))
+        return
+    columns = found.before, found.after, found.floor
+    rows = [
+        [name, *(f"{column.get(name, 0.0):.3g}" for column in columns)]
+        for name in found.before
+    ]
+    print_table(("rms", "before", "after", "noise"), rows)
+    print("".join(f"not said: {each}\n" for each in found.not_said), end="")
 
 
 @gap.command()

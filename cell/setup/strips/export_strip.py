@@ -29,10 +29,10 @@ EXPRESSED = {"newton": FRICTION, "mjcf": FRICTION | ALONG_STRIP | POWERS}
 
 
 def export_strips(
-    strips: Sequence[StripFile], kind: Simulator, out: Path
+    strips: Sequence[StripFile], kind: Simulator, out: Path, besides: Sequence[str] = ()
 ) -> dict[Path, tuple[str, ...]]:
     """Write `strips` into the new folder `out`; returns properties that the files
-    cannot hold.
+    cannot hold, those `besides` their own among them.
 
     `mjcf` is a chain along +x, clamped at its fixed edge; `newton` is JSON with
     arguments of `Rod` and `ModelBuilder.add_rod`. Both state format and version. Raises
@@ -53,6 +53,7 @@ def export_strips(
                 OUT_OF_PLANE,
                 *(registry()[key].sentence for key in missing),
                 *law,
+                *besides,
             )
             write = _mjcf if kind == "mjcf" else _newton
             replace_file(folder / name, write(strip, unsaid).encode())

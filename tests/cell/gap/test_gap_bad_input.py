@@ -207,11 +207,12 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
 
 def again(run: Path) -> None:
     """A third run, so that not all indices are equal, and no copy."""
-    shutil.copytree(run, run.parent / "09")
+    parent = run.parent
+    shutil.copytree(run, parent / "09")
     for table, name in ((CURVES, "z"), (ANGLES, "theta_1")):
         if (run / table).is_file():
-            edit_column(run.parent / "09" / table, name, lambda values: values + 1e-4)
-    edit_yaml(run.parent / "09" / "run.yaml", index=5)
+            edit_column(parent / "09" / table, name, lambda values: values + 1e-4)
+    edit_yaml(parent / "09" / "run.yaml", index=5)
 
 
 def told(

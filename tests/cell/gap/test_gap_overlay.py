@@ -225,8 +225,9 @@ def test_an_all_clear_counts_what_its_table_lists_and_says_what_it_does_not(
 
 
 def test_page_and_command_offer_the_steps_of_the_verdict_alone(told: Told) -> None:
-    for step in told.verdict.steps:
+    steps = told.verdict.steps
+    for step in steps:
         assert step.sentence.replace("`", "")[1:] in told.text
-    forced = any("--force" in step.command for step in told.verdict.steps)
+    forced = any("--force" in step.command for step in steps)
     assert ("--force" in told.text) == forced
     assert not forced

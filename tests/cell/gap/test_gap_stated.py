@@ -12,7 +12,7 @@ from cell.gap.report.sentence import deviation_text, headline
 from cell.gap.subject.strip.scope import scope
 from cell.gap.verdict.accept import accept
 from cell.gap.verdict.compose import deviations
-from cell.gap.verdict.schema import Interval, NamedEffect, ValueWithUnit
+from cell.gap.verdict.schema import Interval, NamedEffect
 from drivers.strip.describe import load_strip
 from drivers.strip.effects.effect import Parameter
 from tests.support.fit_folders import Fitted, verdict_of, write_fit
@@ -92,7 +92,7 @@ def test_what_deviates_is_said_before_the_verdict() -> None:
 def test_a_headline_shows_the_joint_at_which_an_effect_is_and_no_shape() -> None:
     shown = {"torque_1": (0.05, "N m"), "rate_1": (0.5, "rad/s")}
     values = {
-        name: ValueWithUnit(value=v, low=v - 0.1, high=v + 0.1, unit=unit)
+        name: Interval(value=v, low=v - 0.1, high=v + 0.1, unit=unit)
         for name, (v, unit) in {**shown, "torque_2": (0.6, "N m")}.items()
     }
     effect = NamedEffect(name="rub", of="model", parameters=values, confidence=0.9)

@@ -52,7 +52,7 @@ class MechanismEffect:
       joints that a motor drives alone.
     - `edit(mechanism, values, model)`: new values in fields of a MuJoCo model, which an
       MJCF can state; beside a law, it stands for the law where the mode has effects as
-      `fields`.
+      `fields`, by the first `edited` of its keys.
     - `path(mechanism, values, t, q, v)`: torques (m, joints) that depend on the motion
       so far.
     - `read`: the field of `Readings`, of what lies between mechanism and record, that
@@ -74,6 +74,7 @@ class MechanismEffect:
     keys: int = 1
     law: Callable[..., Array] | None = None
     edit: Callable[[Mechanism, Array, Any], None] | None = None
+    edited: int | None = None
     read: Literal["delay", "command", "bias", "scale", "elastic", "gap"] | None = None
     path: Callable[[Mechanism, Array, Array, Array, Array], Array] | None = None
     possible: Callable[[Mechanism], bool] = lambda _: True

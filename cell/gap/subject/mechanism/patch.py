@@ -4,13 +4,15 @@ its file.
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from cell.gap.subject.mechanism.effect import Known
 from cell.gap.subject.mechanism.effects import library
 from cell.gap.subject.mechanism.mechanism_file import ACCEPTED_MODEL
 from cell.gap.subject.mechanism.model import Mechanism
@@ -18,6 +20,8 @@ from cell.gap.subject.mechanism.read_mechanism import LIMITLESS
 from cell.gap.subject.subject import NamedValues, note_of
 from drivers.base.types import Array
 
+# names of texts in a model for MuJoCo alone
+FORMAT, NOT_SAID = "folding-cell", "folding-cell, not said"
 KEPT_OF_ACTUATOR = (
     "name",
     "class",
@@ -80,9 +84,13 @@ def accepted_content(
     return content
 
 
-def accepted_xml(m: Mechanism, edited: Any) -> str:
+def accepted_xml(
+    m: Mechanism, edited: Any, remarks: Mapping[str, str] | None = None
+) -> str:
     """MJCF text of the model of `m` with what differs in the fields of the `edited`
     one.
+
+    `remarks` by name become texts of the model, in place of those that it has.
     """
     root = ET.fromstring(m.source.text)  # noqa: S314  checked when it was read
     # else as written
@@ -93,6 +101,8 @@ def accepted_xml(m: Mechanism, edited: Any) -> str:
     _write_actuators(root, m, edited)
     _write_options(root, m, edited)
     _write_contacts(root, m, edited)
+    for name, words in (remarks or {}).items():
+        _write_remark(root, name, words)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
@@ -225,6 +235,37 @@ def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
     option.attrib |= {"gravity": _text(new.gravity), "density": _text([new.density])}
     if model.npair == 0:
         _child(option, "flag").set("contact", "disable")
+
+
+def _write_remark(root: ET.Element, name: str, words: str) -> None:
+    """Write a text of a model, in place of one of the same name."""
+    if root.find("custom") is None:
+        root.insert(0, ET.Element("custom"))
+    custom = _child(root, "custom")
+    for old in custom.findall(f"text[@name='{name}']"):
+        custom.remove(old)
+    if words:  # MuJoCo refuses empty ones
+        ET.SubElement(custom, "text", name=name, data=words)
+
+
+def unsaid(m: Mechanism, known: Known) -> Iterator[str]:
+    """Words on each of the `known` effects, or of its parameters, that no field of a
+    MuJoCo model states.
+    """
+    for effect, values in known:
+        if not effect.by_fields(m):
+            yield f"{effect.name}: {effect.sentence}"
+        elif effect.edited:
+            pairs = zip(effect.with_shape(m), values, strict=True)
+            for p, value in islice(pairs, effect.edited * len(m.joints), None):
+                if value != p.start:
+                    yield f"{effect.name}: its {p.name}"
+
+
+def remark_in(text: str, name: str) -> str:
+    """Words of the text `name` in a model's MJCF; empty where there is none."""
+    found = ET.fromstring(text).find(f"custom/text[@name='{name}']")  # noqa: S314  checked
+    return "" if found is None else found.get("data", "")
 
 
 def _child(parent: ET.Element, tag: str) -> ET.Element:

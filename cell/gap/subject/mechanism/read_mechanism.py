@@ -65,11 +65,25 @@ LEAST = 8  # readings of which the rate at the start is taken
 RATE_READINGS = 300  # of a recording, from which typical rates are taken
 
 
-def open_file(path: Path) -> Mechanism:
+def model_place(file: MechanismFile, path: Path) -> Path:
+    """Path of the model of a mechanism's `file` at `path`; ConfigurationError outside
+    its folder.
+    """
+    folder = path.resolve().parent
+    place = (folder / file.model).resolve()
+    if Path(file.model).is_absolute() or not place.is_relative_to(folder):
+        raise ConfigurationError(
+            f"{path}: model: {file.model} lies outside {folder}; paths stay in the"
+            " file's folder"
+        )
+    return place
+
+
+def open_file(path: Path, model: Path | None = None) -> Mechanism:
     """Mechanism of the file at `path`, with compared signals whose noise is left open.
 
-    Joints and recordings are left open, too. Raises ConfigurationError for anything
-    broken.
+    With another `model` it has no effects but those that this states. Joints and
+    recordings are left open, too. Raises ConfigurationError for anything broken.
     """
     origin = Origin.before_reading(path, "--model")
     file = load(path, MechanismFile)
@@ -77,38 +91,38 @@ def open_file(path: Path) -> Mechanism:
         origin = replace(origin, option=f"--subject {quote(path.parent.name)}")
     folder = path.resolve().parent
     here = str(path)
+    place = model_place(file, path)
     inputs = file.inputs.items()
-    place = (folder / file.model).resolve()
-    if Path(file.model).is_absolute() or not place.is_relative_to(folder):
-        raise ConfigurationError(
-            f"{path}: model: {file.model} lies outside {folder}; paths stay in the"
-            " file's folder"
-        )
+    if model:
+        folder, place = model.resolve().parent, model.resolve()
+        file = file.model_copy(update={"effects": {}})
     moved = [s.name for s in file.signals.values() if s.is_ == "torque"]
     moved += [name for name, kind in inputs if kind != "position"]
     source = replace(read_source(place, folder), motors=tuple(moved))  # a URDF has none
     there = str(place)
     source = with_assets(source, there)
-    model = compile_model(source, there, torques().slots, file.step)
-    check_joints(model, there)
+    compiled = compile_model(source, there, torques().slots, file.step)
+    check_joints(compiled, there)
     mode = MODES[file.mode]
-    signals = [_signal(*each, mode, model, here) for each in file.signals.items()]
+    signals = [_signal(*each, mode, compiled, here) for each in file.signals.items()]
     for name, is_ in inputs:
         kind = "joint" if is_ == "position" else "actuator"
-        number_of(model, kind, name, here, f"inputs.{name}")
+        number_of(compiled, kind, name, here, f"inputs.{name}")
     if mode.loads:
         signals = [
             s for kind in ("torque", "tracking") for s in signals if s.kind == kind
         ]
     origin = replace(origin, digests={**origin.digests, **source.digests})
-    return Mechanism(file, path, source, model, tuple(signals), origin=origin)
+    return Mechanism(file, path, source, compiled, tuple(signals), origin=origin)
 
 
-def open_all(path: Path, folders: Sequence[RunFolder]) -> Mechanism:
-    """Mechanism at `path` with its measured runs; ConfigurationError for broken
-    input.
+def open_all(
+    path: Path, folders: Sequence[RunFolder], model: Path | None = None
+) -> Mechanism:
+    """Mechanism at `path`, maybe with another `model`, and its measured runs;
+    ConfigurationError for broken input.
     """
-    found = open_file(path)
+    found = open_file(path, model)
     read = [read_checked(folder, found) for folder in folders]
     check_indices([f.path for f in folders], [r.index for r in read])
     file = found.file

@@ -21,8 +21,14 @@ from cell.gap.subject.mechanism.effects import (
     ordered_values,
     torques,
 )
-from cell.gap.subject.mechanism.model import Mechanism, add_point
-from cell.gap.subject.mechanism.patch import accepted_content, accepted_xml
+from cell.gap.subject.mechanism.model import FORWARD, Mechanism, add_point
+from cell.gap.subject.mechanism.patch import (
+    FORMAT,
+    NOT_SAID,
+    accepted_content,
+    accepted_xml,
+    unsaid,
+)
 from cell.gap.subject.mechanism.read_mechanism import initial_state
 from cell.gap.subject.mechanism.recordings import (
     Cut,
@@ -229,33 +235,10 @@ class MechanismSubject(Subject):
         # then `initial_state` made the first unknowns
         if f"angle_{m.joints[0].name}" in unknowns:
             start = local[:n], local[n : 2 * n]
-        edited = partial(self._edited, content.load, base, known)
+        edited = partial(_edited, m, content.load, base, known)
         moving = [(e.name, v.tobytes()) for e, v in known if e.moves(m) and v.any()]
         motion = (run.name, *moving, *(x.tobytes() for x in (base, *start)))
         return Case(content, edited, readings_of(known), known, start, motion)
-
-    def _edited(
-        self, load: Load | None, base: Array, effects: Known, model: Any
-    ) -> Any:
-        """Copy of a `model` with base (k,), load of a run and effects in its fields or
-        laws.
-        """
-        m = self.mechanism
-        edited = copy.copy(model)
-        for b, value in zip(m.base, base, strict=True):
-            b.put(edited, value)
-        if load:
-            add_point(edited, load.mass, m.model.body(load.body).id, np.array(load.com))
-        for effect, values in effects:
-            if not values.any():
-                continue
-            if effect.law and not effect.by_fields(m):
-                at = torques().at[effect.name]
-                table = effect.table(m, values)
-                edited.jnt_user[:, at : at + len(table)] = table.T
-            elif effect.edit:
-                effect.edit(m, values, edited)
-        return edited
 
     def draw_measured(self, run: FitRun) -> Scene:
         """Drawing of the measured signals of `run`."""
@@ -296,13 +279,25 @@ class MechanismSubject(Subject):
         """
         return accepted_content(self.mechanism, base, effects, source), None
 
-    def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:
-        """MJCF text of the model with refitted base and named effects."""
+    def model_texts(
+        self, base: Mapping[str, float], effects: NamedValues
+    ) -> dict[str, str]:
+        """MJCF texts of the model with refitted base and named effects: the `model` for
+        this mode, the `plain` one with all effects that fields of a model can state.
+        """
         m = self.mechanism
-        given = [(library()[name], values) for name, values in effects.items()]
-        known = [(effect, ordered_values(effect, m, v)) for effect, v in given]
+        alone = replace(m, file=m.file.model_copy(update={"mode": FORWARD.name}))
         stated = np.array([base[b.parameter.name] for b in m.base])
-        return accepted_xml(m, self._edited(None, stated, known, m.model))
+        rest = accepted_content(m, base, effects, "")["effects"]
+        whole = _known(alone, {**effects, **rest})
+        missing = "; ".join(unsaid(alone, whole))
+        remarks = {FORMAT: "mechanism, version 1", NOT_SAID: missing}
+        edited = _edited(m, None, stated, _known(m, effects), m.model)
+        plain = _edited(alone, None, stated, whole, m.model)
+        return {
+            "model": accepted_xml(m, edited),
+            "plain": accepted_xml(m, plain, remarks),
+        }
 
     def contradictions(self) -> Iterator[Finding]:
         """Findings on recordings that stand still, wrap or touch, whatever is compared
@@ -323,3 +318,31 @@ class MechanismSubject(Subject):
     def _stated_residuals(self) -> Array:
         """Mean residuals (samples,) of the first run by the stated model."""
         return self.simulate([self.stated(self.runs[0])])[0].mean
+
+
+def _known(m: Mechanism, effects: NamedValues) -> Known:
+    """Effects of `m` by name, with their values in order."""
+    named = [(library()[name], values) for name, values in effects.items()]
+    return [(each, ordered_values(each, m, values)) for each, values in named]
+
+
+def _edited(
+    m: Mechanism, load: Load | None, base: Array, effects: Known, model: Any
+) -> Any:
+    """Copy of a `model` with base (k,), load of a run and effects in its fields or
+    laws.
+    """
+    edited = copy.copy(model)
+    for b, value in zip(m.base, base, strict=True):
+        b.put(edited, value)
+    if load:
+        add_point(edited, load.mass, m.model.body(load.body).id, np.array(load.com))
+    for effect, values in effects:
+        if not values.any():
+            continue
+        if effect.law and not effect.by_fields(m):
+            at, table = torques().at[effect.name], effect.table(m, values)
+            edited.jnt_user[:, at : at + len(table)] = table.T
+        elif effect.edit:
+            effect.edit(m, values, edited)
+    return edited

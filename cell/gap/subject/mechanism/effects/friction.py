@@ -121,6 +121,7 @@ DRY_FRICTION = MechanismEffect(
     keys=5,
     law=dry_law,
     edit=add_to("dof_frictionloss"),
+    edited=1,
     modes=MODES,
     revealed_by=(
         "slow motion there and back: the torque jumps with the sign of the rate"

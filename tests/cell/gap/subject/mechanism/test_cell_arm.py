@@ -17,12 +17,11 @@ from cell.gap.subject.run_folders import RunFolder
 from cell.gap.verdict.accept import accept
 from cell.record.tables import joint_table, write_parquet
 from drivers.base.errors import ConfigurationError
-from drivers.base.yaml_text import dump_yaml
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
 from drivers.franka.model import ArmPlant, arm_mjcf
 from drivers.twin.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.twin.fci_server.posture import Posture, zero_rates
-from tests.support.fit_folders import write_fit
+from tests.support.fit_folders import write_mechanism_fit
 
 pytestmark = pytest.mark.slow
 
@@ -106,13 +105,7 @@ def test_load_and_delay_are_accepted_into_the_cell(soft, tmp_path):
     shutil.copy(CHECKOUT_CONFIGS / cell.name, cell)
     base = {p.name: p.start for p in soft.scope.base}
     effects = {"payload": {"mass": 0.3}, "control_delay": {"time": 0.006}}
-    patch, of_cell = soft.patch(base, effects, "test")
-    contents = {
-        "subject": dump_yaml(patch),
-        "cell": dump_yaml(of_cell),
-        "model": soft.model_text(base, effects),
-    }
-    write_fit(out, file, "accept", contents, effects=tuple(effects))
+    write_mechanism_fit(out, file, soft, base, effects)
     before = yaml.safe_load(cell.read_text())
     accept(out, file, cell)
     found = yaml.safe_load(cell.read_text())

@@ -18,8 +18,8 @@ from cell.gap.subject.mechanism.model_source import ModelSource
 from cell.gap.subject.mechanism.patch import accepted_xml
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.verdict.accept import accept, undo
-from drivers.base.yaml_text import dump_yaml
-from tests.support.fit_folders import write_fit
+from cell.interface.handover import export_fit
+from tests.support.fit_folders import write_mechanism_fit
 from tests.support.mechanisms import ARM, FORWARD, make_arm, opened
 
 NAMED = {
@@ -47,22 +47,15 @@ def accepted_arm(folder: Path) -> tuple[MechanismSubject, Path, Path]:
     return opened(file, runs), file, runs
 
 
-def written(arm: MechanismSubject, out: Path, file: Path) -> None:
-    """The files that a fit leaves where these effects were named."""
-    effects = {**NAMED, **RIG}
-    patch, _ = arm.patch(BASE, effects, "test")
-    contents = {"subject": dump_yaml(patch), "model": arm.model_text(BASE, effects)}
-    parts = {p.name: d for p, d in arm.mechanism.source.digests.items()}
-    write_fit(out, file, "accept", contents, effects=tuple(effects), parts=parts)
-
-
 @pytest.mark.slow
+@pytest.mark.parametrize("to", ["arm", "exported"])
 def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(
-    tmp_path: Path,
+    tmp_path: Path, to: str
 ) -> None:
     arm, file, _ = accepted_arm(tmp_path / "arm")
-    written(arm, tmp_path / "out", file)
+    write_mechanism_fit(tmp_path / "out", file, arm, BASE, NAMED | RIG)
     accept(tmp_path / "out", file)
+    export_fit(tmp_path / "out", "mjcf", tmp_path / "exported")
     run, step = arm.runs[1], arm.mechanism.file.step
     values = {n: np.array(list(v.values())) for n, v in NAMED.items()}
     values["saturation"] = 1.0 / values["saturation"]
@@ -70,7 +63,7 @@ def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(
     case = arm._case(replace(arm.stated(run, values), base=base))
     (predicted,) = arm.predict([case])
 
-    plain = mujoco.MjModel.from_xml_path(str(file.parent / "arm-accepted.xml"))
+    plain = mujoco.MjModel.from_xml_path(f"{tmp_path}/{to}/arm-accepted.xml")
     data = mujoco.MjData(plain)
     data.qpos[:], data.qvel[:] = case.start
     rows = [data.qpos.copy()]
@@ -92,7 +85,7 @@ def test_what_mjcf_cannot_say_stays_in_the_file_and_undo_takes_all_away(
 ) -> None:
     arm, file, runs = accepted_arm(tmp_path / "arm")
     before, model = file.read_text(), (file.parent / "arm.xml").read_bytes()
-    written(arm, tmp_path / "out", file)
+    write_mechanism_fit(tmp_path / "out", file, arm, BASE, NAMED | RIG)
     accept(tmp_path / "out", file)
     content = yaml.safe_load(file.read_text())
     assert (content["effects"], content["model"]) == (RIG, "arm-accepted.xml")
