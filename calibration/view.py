@@ -147,8 +147,9 @@ class PinnedView:
 
         Half of them by contrast across, half by contrast down.
         """
+        shape = image.shape
         tensor, noise = _structure(image)
-        allowed = np.full(image.shape[:2], 255, np.uint8) if where is None else where
+        allowed = np.full(shape[:2], 255, np.uint8) if where is None else where
         kernel = np.ones((PATCH_SIZE, PATCH_SIZE), np.uint8)
         allowed = cv2.erode(allowed, kernel, borderValue=0)
         least = (noise / PATCH_SIGMA) ** 2
@@ -163,7 +164,7 @@ class PinnedView:
             tensors=np.array([tensor[v + half, u + half] for u, v in corners]).reshape(
                 -1, 2, 2
             ),
-            size=(image.shape[1], image.shape[0]),
+            size=(shape[1], shape[0]),
         )
 
     def motion(

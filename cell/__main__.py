@@ -77,13 +77,14 @@ def _print_error(error: Exception) -> int:
 
 def _show_usage(error: Any) -> int:
     """Show a misuse in one line, or the help where a command group stands alone."""
-    if error.ctx is not None and error.message == error.ctx.get_help():
+    ctx = error.ctx
+    if ctx is not None and error.message == ctx.get_help():
         error.show()
         return int(error.exit_code)
-    command = "cell" if error.ctx is None else error.ctx.command_path
+    command = "cell" if ctx is None else ctx.command_path
     text = error.format_message().replace("Value error, ", "").rstrip(".")
     text = f"{text[:1].lower()}{text[1:]}; `{command} --help` lists what goes"
-    parameters = error.ctx.command.params if error.ctx else ()
+    parameters = ctx.command.params if ctx else ()
     takes_runs = any("--runs" in parameter.opts for parameter in parameters)
     if takes_runs and "extra argument" in error.message:
         text += "; a folder of runs goes after `--runs`"

@@ -162,8 +162,9 @@ class BoardViews:
 
     def _refuse(self, frame: Frame, look: BoardDetection) -> str | None:
         """Reason why an image shows no usable view of the board, or None."""
+        shape = frame.image.shape
         settings = self._settings
-        size = (frame.image.shape[1], frame.image.shape[0])
+        size = (shape[1], shape[0])
         if size != self._size:
             return (
                 f"the image is {size[0]} x {size[1]} px, the others are {self._size[0]}"

@@ -39,15 +39,16 @@ class WantedView(BoardPlacement):
         """
         from scipy.spatial.transform import Rotation  # half a second that no fold needs
 
+        matrix = lens.matrix
         angles = (self.roll, -self.tilt, -self.turn)
         rotation = Rotation.from_euler("zxy", angles).as_rotvec()
         board_width = np.ptp(corners[:, 0])
-        depth = lens.matrix[0, 0] * board_width / (self.size * lens.width)
+        depth = matrix[0, 0] * board_width / (self.size * lens.width)
 
         middle = np.array([self.x * lens.width, self.y * lens.height, 1.0])
-        translation = np.linalg.solve(lens.matrix, middle) * depth
+        translation = np.linalg.solve(matrix, middle) * depth
         flat = np.column_stack([corners - corners.mean(axis=0), np.zeros(len(corners))])
-        image, _ = cv2.projectPoints(flat, rotation, translation, lens.matrix, None)
+        image, _ = cv2.projectPoints(flat, rotation, translation, matrix, None)
         outline: Array = image.reshape(-1, 2)
         return outline
 

@@ -179,13 +179,14 @@ def _found(views: int, fit: LensFit, split: float, bend_mm: float) -> tuple[Line
     """Lines on a lens fit to `views`, whose halves differ by `split` in focal
     length.
     """
-    u, v = fit.lens.matrix[:2, 2]
+    matrix = fit.lens.matrix
+    u, v = matrix[:2, 2]
     halves = (
         f"two halves of the views bend the image alike within {bend_mm:.2f} mm at the"
         " board, "
     )
     halves += f"and differ by {100 * split:.2f} % in focal length"
-    focal = f"focal length {fit.lens.matrix[0, 0]:.0f} px"
+    focal = f"focal length {matrix[0, 0]:.0f} px"
     return (
         Line(Level.PLAIN, f"{views} views, corners {fit.rms:.2f} px off (rms)"),
         Line(Level.PLAIN, f"{focal}, principal point {u:.0f}, {v:.0f} px"),

@@ -167,20 +167,21 @@ class ParallelFolds:
         Once `interrupted`, the folds under way stop under control and no other begins;
         after a KeyboardInterrupt they stop at once, and a second one is raised.
         """
+        done = self._done
         for number in range(len(self._requests)):
-            while number not in self._done:
+            while number not in done:
                 try:
                     if interrupted() and not self._stops:
                         self._stop()
                     self._begin(interrupted)
-                    if not self._pool.is_busy and number not in self._done:
+                    if not self._pool.is_busy and number not in done:
                         return
                     self._collect()
                 except KeyboardInterrupt:
                     if self._stops > 1:
                         raise
                     self._stop()
-            end, request = self._done.pop(number), self._requests[number]
+            end, request = done.pop(number), self._requests[number]
             yield (
                 FoldResult.refusal(request, end) if isinstance(end, CellError) else end
             )
@@ -196,18 +197,19 @@ class ParallelFolds:
         A fold leaves the queue after its calibration, so that Ctrl-C meanwhile does not
         lose it.
         """
-        while self._waiting and self._pool.has_room:
-            number, request = self._waiting[0]
+        waiting = self._waiting
+        while waiting and self._pool.has_room:
+            number, request = waiting[0]
             try:
                 calibration = calibration_of(
                     request.cell, self._callbacks.report, interrupted
                 )
                 self._callbacks.begin(request)
             except CellError as error:
-                self._waiting.popleft()
+                waiting.popleft()
                 self._done[number] = error
                 continue
-            self._waiting.popleft()
+            waiting.popleft()
             self._pool.begin(
                 number, _fold_in_process, request, calibration, stoppable=True
             )

@@ -75,7 +75,7 @@ def bias(experiences: Sequence[Experience], strip: str, specimen: str) -> Bias:
         learner.learn(experience)
     learned = learner.bias(strip, specimen)
     if learned.since is None and learner.epoch:
-        parts = averaged_parts(learned.parts, learner.epoch, strip, specimen)
+        parts = _averaged_parts(learned.parts, learner.epoch, strip, specimen)
         learned = replace(learned, seen=sum(parts), parts=parts)
     return replace(learned, laid=laid_offset(learner.epoch, learned.rig))
 
@@ -211,7 +211,7 @@ def _indicator(unknowns: Sequence[Unknown], columns: dict[Unknown, int]) -> Arra
     return row
 
 
-def averaged_parts(
+def _averaged_parts(
     parts: Parts, experiences: Sequence[Experience], strip: str, specimen: str
 ) -> Parts:
     """Biases of cell, strip and specimen [m], averaged over two hypotheses on their

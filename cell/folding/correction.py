@@ -73,6 +73,7 @@ class Correction:
 
     def sentence(self) -> str | None:
         """Text of the correction for the operator; None where nothing was corrected."""
+        learned = self.learned
         parts = []
         if abs(self.seen) >= WORTH_SAYING:
             parts.append(f"aimed {-1e3 * self.seen:+.1f} mm, the opposite of the bias")
@@ -82,15 +83,14 @@ class Correction:
             )
         if not parts:
             return None
-        if self.learned is None:
+        if learned is None:
             return f"{'; '.join(parts)} that was given"
-        folds = plural(self.learned.folds, "fold")
+        folds = plural(learned.folds, "fold")
         text = f"{'; '.join(parts)} learned from {folds} of this cell"
-        if self.learned.since is None:
+        if learned.since is None:
             return text
         return (
-            f"{text}; since run {self.learned.since} something moved: check the"
-            " calibration"
+            f"{text}; since run {learned.since} something moved: check the calibration"
         )
 
 

@@ -74,7 +74,7 @@ class Memory:
         """Store the experiences of `cell` in `folder`, by default the user's data
         folder.
         """
-        self.folder = folder or data_folder() / "learning"
+        self.folder = folder or _data_folder() / "learning"
         self.path = self.folder / f"{cell}{'.twin' if twin else ''}.jsonl"
         self._off = self.folder / f"{cell}.off"
 
@@ -183,7 +183,7 @@ def _is_of(experience: Experience, key: str, name: str) -> bool:
     return experience.key == key if experience.key and key else experience.run == name
 
 
-def data_folder() -> Path:
+def _data_folder() -> Path:
     """Path of the user's folder for data that cannot be recomputed."""
     return (
         Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share")

@@ -216,6 +216,7 @@ def path_problems(
     The gripper passes `points` (n, 2) [m], and carries the strip along `carry` (k, 2)
     [m]; `carry_at` gives the latter at another speed [m/s].
     """
+    lay_speed = settings.fold.lay_speed
     yield from _workspace_problems(points, settings.installation)
     limits = settings.installation.limits
     speed = settings.fold.speed
@@ -238,9 +239,9 @@ def path_problems(
                 "installation.limits in cell.yaml"
             )
     slowest = min(limits.x.velocity, limits.z.velocity)
-    if settings.fold.lay_speed > slowest:
+    if lay_speed > slowest:
         yield (
-            f"lay_speed: {settings.fold.lay_speed:g} m/s is over the arm's limits,"
+            f"lay_speed: {lay_speed:g} m/s is over the arm's limits,"
             f" allowed at most {slowest:g} m/s; lower fold.lay_speed, or raise"
             " installation.limits in cell.yaml"
         )
@@ -288,8 +289,8 @@ def _simulated_carry(
         raise
     except CellError:
         policy.reset(strip, settings.fold.speed, 1)
-        return None, from_edge(strip, policy.lift().points)
-    return folds, from_edge(strip, folds.trace[:, 0])
+        return None, _from_edge(strip, policy.lift().points)
+    return folds, _from_edge(strip, folds.trace[:, 0])
 
 
 def _carry_at(
@@ -301,7 +302,7 @@ def _carry_at(
     return _simulated_carry(at_speed(settings, speed), request, policy)[1]
 
 
-def from_edge(strip: StripFile, fold: Array) -> Array:
+def _from_edge(strip: StripFile, fold: Array) -> Array:
     """Gripper positions (n + 1, 2) [m] from the edge of `strip` on the desk through a
     `fold`.
     """

@@ -321,7 +321,8 @@ def _warning(outcome: Outcome, *others: str) -> str | None:
     """Text on disagreeing lengths, on a strip unlike its model, and `others`; None
     without any.
     """
+    agreement = outcome.agreement
     lines = [check.sentence() for check in disagreements(outcome.witnesses)]
-    if outcome.agreement is not None and not outcome.agreement.like_model:
-        lines.append(outcome.agreement.sentence())
+    if agreement is not None and not agreement.like_model:
+        lines.append(agreement.sentence())
     return "\n  ".join(filter(None, (*lines, *others))) or None

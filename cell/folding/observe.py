@@ -209,11 +209,12 @@ def _draw_measurement(
     """Copy of `image` (h, w, 3) with its measurement drawn, and a cross at the held
     end.
     """
+    end = held.end
     strip = held.measurement
     curve = strip.profile if _is_confident(held) else np.empty((0, 2))
     drawn = draw_sight(image, calibration, curve, strip.contact_x, np.array(strip.tip))
-    if held.end is not None:
-        pixel = calibration.to_image(np.array([[held.end.x, held.end.z]]))[0]
+    if end is not None:
+        pixel = calibration.to_image(np.array([[end.x, end.z]]))[0]
         centre = (round(float(pixel[0])), round(float(pixel[1])))
         cv2.drawMarker(drawn, centre, (0, 255, 255), cv2.MARKER_CROSS, 24, 3)
     return drawn

@@ -115,10 +115,11 @@ def rehearsal(
     `limits`. Raises
     ConfigurationError where the workspace or the arm ends below the fold.
     """
+    installation = settings.installation
     raised = np.add(path[FIRST_USED:], (0.0, HOVER_HEIGHT, 0.0))
     speeds = speeds[FIRST_USED:]
     top = raised[:, 1].max()
-    ceiling = settings.installation.workspace.z[1]
+    ceiling = installation.workspace.z[1]
     if top > ceiling:
         raise ConfigurationError(
             f"--rehearse: the fold of {strip.name} in the air reaches z {top:.2f} m,"
@@ -126,13 +127,13 @@ def rehearsal(
             " cell.yaml"
         )
     if elbow is not None:
-        reach = plan_reach(settings.installation, raised, speeds, (elbow,), limits)
+        reach = plan_reach(installation, raised, speeds, (elbow,), limits)
         if not reach.allowed:
             raise ConfigurationError(
                 "--rehearse: the arm cannot follow the fold in the air:"
                 f" {reach.problems[0]}; see `cell fold --dry-run --arm fci`"
             )
-    return Rehearsal(raised, speeds, settings.installation.limits)
+    return Rehearsal(raised, speeds, installation.limits)
 
 
 def rehearse(

@@ -185,10 +185,11 @@ def _other_decisions(
     """Decide again on the recorded measurements; yields decisions that differ from the
     record.
     """
-    weights = None if run.header.checkpoint is None else run.folder / CHECKPOINT
+    header = run.header
+    weights = None if header.checkpoint is None else run.folder / CHECKPOINT
     made = make_policy(str(_header_value(run, "policy")), weights)
-    correction_of(run.header.learning).apply(made)
-    policy = at_line(made, FoldLine.of(strip.length, run.header.line))
+    correction_of(header.learning).apply(made)
+    policy = at_line(made, FoldLine.of(strip.length, header.line))
     policy.reset(strip, settings.fold.speed, 1)
     for then in decided:
         seen = measured.get(then.sequence)

@@ -140,13 +140,14 @@ def standard_requests(base: Request) -> tuple[Request, ...]:
     """Requests of the standard runs, shuffled by `base`'s seed S; number i has seed S +
     i.
     """
-    order = standard_order(np.random.default_rng(base.trial.seed))
+    seed = base.trial.seed
+    order = standard_order(np.random.default_rng(seed))
     return tuple(
         replace(
             base,
             policy=MOTION + name,
             speed=STANDARD[name].speed,
-            trial=replace(base.trial, index=i, seed=base.trial.seed + i),
+            trial=replace(base.trial, index=i, seed=seed + i),
         )
         for i, name in enumerate(order)
     )

@@ -157,7 +157,7 @@ class GapModel:
         requests = []
         for effects in hidden:
             values = {
-                name: engine_values(name, stated) for name, stated in effects.items()
+                name: _engine_values(name, stated) for name, stated in effects.items()
             }
             requests += [
                 SimulationRequest(run, estimate.shared, values, local)
@@ -216,7 +216,7 @@ class GapModel:
         return self.excess([{strengths.effect.name: strengths.at(s)} for s in shares])
 
 
-def engine_values(name: str, values: Mapping[str, float]) -> Array:
+def _engine_values(name: str, values: Mapping[str, float]) -> Array:
     """Parameters (p,) of the effect `name` in the engine's units, from a strip file's
     `values`.
     """

@@ -19,7 +19,6 @@ from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Subject, starts
 from cell.gap.verdict.accept import LARGEST_MODEL, offered
 from cell.gap.verdict.fit_folder import (
-    RECORD,
     VERDICT,
     FitRecord,
     PatchFiles,
@@ -39,11 +38,6 @@ RANGES, RANGES_VERSION = "ranges.yaml", 1
 APART = "values together: each range is that of one alone"
 
 
-def is_fit(name: str) -> bool:
-    """Whether `name` is the folder of a fit."""
-    return (Path(name) / RECORD).is_file()
-
-
 def export_fit(
     fit: Path, kind: Literal["mjcf", "ranges"], out: Path
 ) -> dict[Path, tuple[str, ...]]:
@@ -56,7 +50,7 @@ def export_fit(
     with lock_folders([fit_folder(fit)]):
         record = read_record(fit)
         if kind == "ranges":
-            return _export_ranges(record, read_verdict(fit / VERDICT), fit, out)
+            return _export_ranges(read_verdict(fit / VERDICT), fit, out)
         files = offered(fit, record)
         if files.plain:
             return _export_mechanism(record, files, fit, out)
@@ -91,7 +85,7 @@ def _not_said(text: str) -> tuple[str, ...]:
 
 
 def _export_ranges(
-    record: FitRecord, verdict: Verdict, fit: Path, out: Path
+    verdict: Verdict, fit: Path, out: Path
 ) -> dict[Path, tuple[str, ...]]:
     """Write the 95 % intervals of base and named effects; an end that is not known is
     null.
@@ -99,20 +93,17 @@ def _export_ranges(
     values = dict(verdict.base)
     for effect in verdict.effects:
         values |= {f"{effect.name}.{n}": v for n, v in effect.parameters.items()}
-    unsaid = [APART]
-    unsaid += [f"which it is of {', '.join(names)}" for names in verdict.ambiguous]
     content = {
         "format": "folding-cell ranges",
         "version": RANGES_VERSION,
         "fit": fit.resolve().name,
-        "subject": Path(record.file).name,
         "verdict": verdict.verdict,
-        "not_said": unsaid,
+        "not_said": [APART],
         "ranges": [{"parameter": n, **v.model_dump()} for n, v in values.items()],
     }
     with new_folder(out) as folder:
         write_file(folder / RANGES, dump_yaml(content))
-    return {out / RANGES: tuple(unsaid)}
+    return {out / RANGES: (APART,)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -183,10 +183,11 @@ class ManualLog(Log):
 
     def completion(self) -> Outcome:
         """Outcome `moved`, with the gripper's final pose as text."""
-        if self.end is None:
+        ended = self.end
+        if ended is None:
             return Outcome("moved", "", 0)
-        x, z = round(1e3 * self.end.x), round(1e3 * self.end.z)
-        pitch = round(degrees(self.end.pitch))
+        x, z = round(1e3 * ended.x), round(1e3 * ended.z)
+        pitch = round(degrees(ended.pitch))
         return Outcome(
             "moved", f"the gripper is at x {x}, z {z} mm, pitch {pitch} deg", 0
         )

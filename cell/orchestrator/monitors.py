@@ -119,12 +119,11 @@ def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
 
 def _image_frozen(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where too many successive images are identical."""
+    identical = snapshot.view.identical
     limits = rules.limits
-    if snapshot.view.identical < limits.identical_images:
+    if identical < limits.identical_images:
         return None
-    return (
-        f"{snapshot.view.identical} images in a row are identical: the camera is frozen"
-    )
+    return f"{identical} images in a row are identical: the camera is frozen"
 
 
 def _reader_dead(snapshot: Snapshot, _: Rules) -> str | None:
@@ -274,8 +273,9 @@ def _state_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
 
 def _awaited(snapshot: Snapshot) -> str:
     """What has yet to come to rest, or to arrive, before the run goes on."""
-    pose, commanded = snapshot.arm.pose, snapshot.arm.commanded
-    if snapshot.arm.moving:
+    arm = snapshot.arm
+    pose, commanded = arm.pose, arm.commanded
+    if arm.moving:
         return (
             f"the arm, at x {1e3 * pose.x:.0f}, z {in_mm(pose.z)} and commanded"
             f" to x {1e3 * commanded.x:.0f}, z {in_mm(commanded.z)}"
@@ -383,6 +383,7 @@ def _check_command(snapshot: Snapshot, command: Command, rules: Rules) -> None:
     The pitch rate and the path of a velocity are limited by the arm side and by the
     monitors.
     """
+    speed = rules.limits.speed
     if isinstance(command, MoveTo):
         rules.workspace.check(command.pose)
         require_clear([snapshot.arm.commanded, command.pose], rules.desk)
@@ -392,9 +393,9 @@ def _check_command(snapshot: Snapshot, command: Command, rules: Rules) -> None:
             raise Fault(
                 "command_refused", "a velocity that is not a number was asked for"
             )
-        if rate.speed > rules.limits.speed:
+        if rate.speed > speed:
             raise Fault(
                 "command_refused",
                 f"a velocity of {rate.speed:.3f} m/s was asked for, "
-                f"allowed {rules.limits.speed:.3f} m/s",
+                f"allowed {speed:.3f} m/s",
             )

@@ -106,12 +106,13 @@ def lift(
 
     In a run that starts hanging the strip then comes to rest, and measured time begins.
     """
-    speed = given.settings.fold.speed
+    stated = given.settings.fold
+    speed = stated.speed
     given.policy.reset(given.strip, speed, 1)
     follower = Follower(given.policy.lift(), 1)
     acceleration = given.settings.installation.limits.pitch.acceleration
     snapshot = yield Drive(ZERO_VELOCITY)
-    while snapshot.arm.pose.z < given.settings.fold.takeover_height:
+    while snapshot.arm.pose.z < stated.takeover_height:
         pose = snapshot.arm.pose
         decision = follower.decide(np.array([pose.x]), np.array([pose.z]), speed)
         if decision.done[0]:
@@ -119,8 +120,8 @@ def lift(
         travel = float(follower.progress[0])
         rate = _lift_pitch_rate(travel, speed, pose.pitch, acceleration)
         snapshot = yield steps.drive(decision, rate)
-    if given.settings.fold.start == "hanging":
-        snapshot = yield from wait_until_still(given.settings.fold.longest_rest, record)
+    if stated.start == "hanging":
+        snapshot = yield from wait_until_still(stated.longest_rest, record)
         record.begin(snapshot.time)
     return Trigger.LIFTED
 
@@ -163,6 +164,7 @@ class Swing:
 
     def add(self, snapshot: Snapshot, since: float) -> None:
         """Add the profile in `snapshot`, if new and imaged after `since` [s]."""
+        kept = self._means
         measurement = snapshot.view.measurement
         if not snapshot.view.read or measurement is None or measurement.stamp < since:
             return
@@ -172,11 +174,11 @@ class Swing:
         mean = seen[0].mean(axis=0)
         if not np.isfinite(mean).all():
             return
-        self._means.append((measurement.stamp, mean))
-        while self._means[0][0] < measurement.stamp - COMPARED_TIME:
-            self._means.popleft()
+        kept.append((measurement.stamp, mean))
+        while kept[0][0] < measurement.stamp - COMPARED_TIME:
+            kept.popleft()
         waited = measurement.stamp - since >= COMPARED_TIME
-        enough = waited and len(self._means) >= FEWEST_IMAGES
+        enough = waited and len(kept) >= FEWEST_IMAGES
         self.moved = self._travel() if enough else nan
 
     def _travel(self) -> float:
@@ -257,7 +259,7 @@ def _record_prediction(
         record.event(snapshot.time, "policy_sees", path="its own")
 
 
-def continue_to_lay(
+def _continue_to_lay(
     _given: FoldInputs, _log: FoldLog, record: Recorder, begin: Snapshot
 ) -> steps.Phase:
     """Record the layers' touch and begin the lay motion at once: a pause would shift
@@ -447,7 +449,7 @@ FOLD_PHASES = {
     State.GRASP: grasp,
     State.LIFT: lift,
     State.FOLD: fold,
-    State.TOUCHED: continue_to_lay,
+    State.TOUCHED: _continue_to_lay,
     State.LAY: lay,
     State.RELEASE: release,
 }

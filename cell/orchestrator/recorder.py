@@ -93,10 +93,9 @@ class FileRecorder(Recorder):
 
     def sight(self, measurement: StripMeasurement) -> None:
         """Record the measurement of the strip in one image; ignored before the lift."""
-        if self._lift is not None and measurement.stamp >= self._lift:
-            self._writer.sight(
-                replace(measurement, stamp=measurement.stamp - self._lift)
-            )
+        lift = self._lift
+        if lift is not None and measurement.stamp >= lift:
+            self._writer.sight(replace(measurement, stamp=measurement.stamp - lift))
 
     def frame(self, frame: Frame) -> None:
         """Record a measured image; images from before the lift are written once t = 0

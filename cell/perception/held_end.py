@@ -101,17 +101,18 @@ class Clip:
         """Learn the clip at the end of `strip` from `image` (h, w, 3) at rest; None
         without one.
         """
+        whole = strip.length
         (begin, stop), height = FACE
-        span = (strip.length + begin, strip.length + stop)
+        span = (whole + begin, whole + stop)
         colour = np.median(sample_rectangle(image, calibration, span, height), axis=0)
         scene = sample_scene(image, calibration, strip)
         others = np.stack([np.median(scene.strip, axis=0), scene.desk_colour])
         if colour_distances(others, colour[None]).min() < APART:
             return None
-        face = _face(image, calibration, colour, Pose(strip.length, 0.0, 0.0))
+        face = _face(image, calibration, colour, Pose(whole, 0.0, 0.0))
         if face is None or face.slenderness < SLENDER:
             return None
-        offset = face.front - (strip.length, 0.0)
+        offset = face.front - (whole, 0.0)
         is_at_end = abs(offset[0]) < FARTHEST
         return cls(colour, replace(face, front=offset)) if is_at_end else None
 
@@ -287,9 +288,10 @@ class HeldEnd:
 
     def _predict(self, stamp: float) -> Pose:
         """Pose of the end at `stamp` [s], linearly extrapolated from the last two."""
-        if len(self._past) < 2:
-            return self._past[-1][1]
-        (before, start), (then, last) = self._past[-2:]
+        past = self._past
+        if len(past) < 2:
+            return past[-1][1]
+        (before, start), (then, last) = past[-2:]
         steps = min((stamp - then) / (then - before), MOST_STEPS)
         ahead = last.as_array() + steps * (last.as_array() - start.as_array())
         x, z, _ = ahead.tolist()

@@ -186,7 +186,7 @@ class ProcessReader:
         self.busy_since: float | None = None
         self.failure = ""
         self._image = SharedImage()
-        self._child = Child(read_images, inputs, maker, self._shape, self._image)
+        self._child = Child(_read_images, inputs, maker, self._shape, self._image)
         try:
             reason = "" if self._child.receive(START_TIMEOUT) else "it does not answer"
         except ChildDied as died:
@@ -239,7 +239,7 @@ class ProcessReader:
 Reader = InlineReader | ProcessReader
 
 
-def read_images(
+def _read_images(
     pipe: Connection,
     inputs: StripInputs,
     maker: Maker,

@@ -153,6 +153,7 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
     """Falling fold in one measurement; None where no gap between the layers is
     visible.
     """
+    gap_x = measurement.gap_x
     if not np.isfinite(measurement.gap) or len(measurement.profile) < 4:
         return None
     points = np.vstack([measurement.profile, [(gripper.x, gripper.z)]])
@@ -161,18 +162,14 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
     remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
     tip = np.argmax(points[:, 0])
     # in the upper layer
-    past_gap = np.flatnonzero(points[tip:, 0] <= measurement.gap_x)
+    past_gap = np.flatnonzero(points[tip:, 0] <= gap_x)
     if len(past_gap) == 0 or past_gap[0] == 0:
         return None
     after = tip + past_gap[0]
     before = after - 1
-    share = (points[before, 0] - measurement.gap_x) / (
-        points[before, 0] - points[after, 0]
-    )
+    share = (points[before, 0] - gap_x) / (points[before, 0] - points[after, 0])
     to_grasped = remaining[before] + share * (remaining[after] - remaining[before])
-    return Fall(
-        measurement.stamp, measurement.gap, measurement.gap_x, float(to_grasped)
-    )
+    return Fall(measurement.stamp, measurement.gap, gap_x, float(to_grasped))
 
 
 def _closing_time(

@@ -63,12 +63,13 @@ class PreflightCheck:
 
 def _check_size(image: Image, calibration: Calibration) -> PreflightCheck:
     """Check whether the image (h, w, 3) has the calibration's size."""
+    shape = image.shape
     lens = calibration.lens
     return PreflightCheck(
         name="picture fits calibration",
-        passed=image.shape[:2] == (lens.height, lens.width),
+        passed=shape[:2] == (lens.height, lens.width),
         reason=(
-            f"the picture is {image.shape[1]} x {image.shape[0]} pixels, "
+            f"the picture is {shape[1]} x {shape[0]} pixels, "
             f"the calibration is for {lens.width} x {lens.height}"
         ),
         remedy="set the camera to the calibrated size, or calibrate again",

@@ -28,7 +28,7 @@ ROUNDS = 12
 Indices = NDArray[np.signedinteger[Any]]
 
 
-def palette(samples: Array) -> Array:
+def _palette(samples: Array) -> Array:
     """Smallest set of colours (k, 3), most frequent first, that explains `samples` (n,
     3).
 
@@ -173,7 +173,7 @@ class RestingPlace:
     high: float
 
 
-def learn_background(
+def _learn_background(
     image: Image, calibration: Calibration, resting: RestingPlace
 ) -> Background:
     """Background of `image` (height, width, 3), interpolated where the strip lies at
@@ -337,8 +337,8 @@ def learn_segmenter(
     """
     sensor = max(noise, LEAST_NOISE) * DIFFERENCE
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
-    background = learn_background(image, calibration, resting)
-    colours = palette(inner_pixels(image, calibration, strip, resting.rise))
+    background = _learn_background(image, calibration, resting)
+    colours = _palette(inner_pixels(image, calibration, strip, resting.rise))
     scene = background.image[motion_mask(calibration, strip.length) > 0]
     noise_of_share = _share_noise(colours, scene, smooth) * sensor
     return Segmenter(colours, background, sensor, smooth, noise_of_share)

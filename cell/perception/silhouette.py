@@ -81,12 +81,12 @@ def silhouette(
     reach = length // 2
     wide = cv2.copyMakeBorder(levels, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
     return silhouette_of(
-        wide, strip, lifted, line_offsets(length), solid_level, faint_level
+        wide, strip, lifted, _line_offsets(length), solid_level, faint_level
     )
 
 
 @lru_cache
-def line_offsets(length: int) -> Offsets:
+def _line_offsets(length: int) -> Offsets:
     """Offsets (k, n, 2), row and column [px], of the n = `length` points on lines at
     SLANTS.
     """

@@ -93,9 +93,10 @@ class Outlook(NamedTuple):
             np.array([event.t for event in stated]), rows.reshape(-1, len(COLUMN_NAMES))
         )
 
-    def column(self, name: str) -> Array:
-        """Predicted values (k,) of the quantity `name`."""
-        return self.rows[:, COLUMN_NAMES.index(name)]
+    def band(self, name: str) -> Array:
+        """Predicted values of the quantity `name` and their bounds (3, k)."""
+        place = COLUMN_NAMES.index(name)
+        return self.rows[:, place : place + 3].T
 
 
 def row_of(facts: Mapping[str, object]) -> Array:

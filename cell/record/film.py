@@ -58,22 +58,23 @@ class Film:
         They begin with one at or shortly before `after` [s], in a film whose own stamps
         begin at 0. Raises ConfigurationError for a file that is missing or no film.
         """
+        path = self.path
         import av
 
-        with _open_film(self.path) as container:
+        with _open_film(path) as container:
             track = _longest_track(container)
             begin = None
             if after:
                 begin = 0.0
                 container.seek(round(after * av.time_base))
             for number, picture in enumerate(container.decode(track)):
-                stamp = _stamp(picture, self.path)
+                stamp = _stamp(picture, path)
                 if begin is None:
                     begin = stamp
                 if only is not None and number not in only:
                     continue
-                image = _upright(picture, self.path)
-                yield Frame(stamp - begin, stamp - begin, self.path.name, number, image)
+                image = _upright(picture, path)
+                yield Frame(stamp - begin, stamp - begin, path.name, number, image)
 
     def packets(self) -> Iterator[bytes]:
         """Yield encoded images of an H.264 film, Annex B; ConfigurationError for
@@ -192,7 +193,7 @@ class FilmWriter(AbstractContextManager["FilmWriter"]):
             self._container.mux(self._stream.encode(None))
         self._container.close()
         if self._stream is not None:
-            index_film(self._path)
+            _index_film(self._path)
 
     def _open_stream(self, image: Image) -> Any:
         """Open the film's stream for images of the size of `image`."""
@@ -207,7 +208,7 @@ class FilmWriter(AbstractContextManager["FilmWriter"]):
         return stream
 
 
-def index_film(path: Path) -> None:
+def _index_film(path: Path) -> None:
     """Index the .mp4 at `path`, so that players can seek; ConfigurationError for
     another file.
     """

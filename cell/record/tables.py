@@ -95,7 +95,7 @@ class StreamFile:
         write_all(self._file, memoryview(content))
 
 
-def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
+def _read_stream(path: Path, schema: pa.Schema) -> pa.Table:
     """Read all complete rows of the stream at `path`, with the columns of `schema`.
 
     Empty without a file, or with one truncated inside its header. Raises
@@ -136,12 +136,12 @@ def assemble(folder: Path) -> Tables:
     Raises ConfigurationError for a stream that is broken or was changed after the run.
     """
     begin = lift_time(folder)
-    ticks = _from_time(begin, read_stream(folder / TICK_STREAM, TICK_ROWS), "t")
-    sights = _from_time(begin, read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")
+    ticks = _from_time(begin, _read_stream(folder / TICK_STREAM, TICK_ROWS), "t")
+    sights = _from_time(begin, _read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")
     _check_profiles(sights, folder / SIGHT_STREAM)
     # readers of the tables refuse values that are not finite
     with np.errstate(all="ignore"):
-        return sight_tables(sights) | {TICKS: tick_table(ticks, sights)}
+        return sight_tables(sights) | {TICKS: _tick_table(ticks, sights)}
 
 
 def _check_profiles(sights: pa.Table, path: Path) -> None:
@@ -169,7 +169,7 @@ def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
     return rows.set_column(column, time, pa.array(t[is_after]))
 
 
-def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
+def _tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
     """Table of ticks, with each desk contact in the row nearest to its image's stamp.
 
     A row whose stamp did not advance contains no new measurement and is left out, and
@@ -320,6 +320,8 @@ def unnest(
     columns.
     """
     found: list[tuple[str, pa.ChunkedArray]] = []
+    while any(map(pa.types.is_struct, table.schema.types)):
+        table = table.flatten()
     for name, column in zip(table.column_names, table.columns, strict=True):
         stated = (names or {}).get(name)
         parts = _parts_of(column, stated, f"{origin}: column {name!r}")
@@ -338,13 +340,8 @@ def unnest(
 def _parts_of(
     column: pa.ChunkedArray, stated: object, origin: str
 ) -> dict[Any, pa.ChunkedArray]:
-    """Fields of a struct or numbers of a vector by name, as `stated`; none of a list of
-    several sizes.
-    """
+    """Numbers of a vector by name, as `stated`; none of a list of several sizes."""
     kind = column.type
-    if pa.types.is_struct(kind):
-        fields = range(kind.num_fields)
-        return {kind[i].name: pc.struct_field(column, [i]) for i in fields}
     if not (pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind)):
         return dict.fromkeys(_axes(stated, 1), column)
 

@@ -96,15 +96,17 @@ class RunWriter:
         """Write the row of one control cycle: the measured `arm`, in a `state` of the
         run, with a hand that was told to be `closed`.
         """
+        commanded = arm.commanded
+        pose = arm.pose
         f_x, f_z = arm.force
         row = {
             "t": arm.stamp,
-            "x": arm.pose.x,
-            "z": arm.pose.z,
-            "pitch": arm.pose.pitch,
-            "x_cmd": arm.commanded.x,
-            "z_cmd": arm.commanded.z,
-            "pitch_cmd": arm.commanded.pitch,
+            "x": pose.x,
+            "z": pose.z,
+            "pitch": pose.pitch,
+            "x_cmd": commanded.x,
+            "z_cmd": commanded.z,
+            "pitch_cmd": commanded.pitch,
             "hand_cmd": float(closed),
             "f_x": f_x,
             "f_z": f_z,

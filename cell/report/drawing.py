@@ -58,11 +58,11 @@ def canvas(
     from matplotlib import rc_context, rc_params_from_file
 
     with rc_context(rc_params_from_file(STYLE, use_default_template=False)):
-        yield page_figure()(figsize=(width, height), layout=layout)
+        yield _page_figure()(figsize=(width, height), layout=layout)
 
 
 @cache
-def page_figure() -> type["Figure"]:
+def _page_figure() -> type["Figure"]:
     """Class of figures that a notebook shows, without a window's backend."""
     from matplotlib.figure import Figure
 
@@ -80,11 +80,11 @@ def as_svg(figure: Any) -> str:
     from matplotlib import rc_context, rc_params_from_file
 
     text = io.StringIO()
-    name_artists(figure)
+    _name_artists(figure)
     with rc_context(rc_params_from_file(STYLE, use_default_template=False)):
         figure.savefig(text, format="svg", metadata=dict.fromkeys(METADATA))
     width = f'style="--width:{POINTS_PER_INCH * figure.get_size_inches()[0]:.0f}pt"'
-    return page_svg(text.getvalue()).replace(
+    return _page_svg(text.getvalue()).replace(
         "<svg", f"<svg {readings(figure)} {width}", 1
     )
 
@@ -96,7 +96,7 @@ def as_png(figure: Any, dpi: int) -> bytes:
     return content.getvalue()
 
 
-def page_svg(text: str) -> str:
+def _page_svg(text: str) -> str:
     """Convert an SVG document to an element that inherits width, fonts and colours of
     its page.
     """
@@ -110,7 +110,7 @@ def page_svg(text: str) -> str:
     return svg
 
 
-def name_artists(figure: Any) -> None:
+def _name_artists(figure: Any) -> None:
     """Give axes, curves, bars and texts of a Matplotlib `figure` names that its SVG
     keeps.
 

@@ -127,15 +127,16 @@ def drawings(folders: Sequence[Path]) -> list[tuple[str, str, str]]:
             run = read_broken_run(folder)
         except ConfigurationError:  # which a check says
             continue
+        ticks = run.ticks
         recorded = {
-            "commands": np.isfinite(run.ticks.x_cmd).any(),
-            "desk contacts": len(run.ticks.contacts()[0]),
+            "commands": np.isfinite(ticks.x_cmd).any(),
+            "desk contacts": len(ticks.contacts()[0]),
             "midlines": len(run.profile.t),
-            "forces": np.isfinite(run.ticks.f_x).any(),
+            "forces": np.isfinite(ticks.f_x).any(),
             "touch of the layers": run.result is not None and run.result.l2 is not None,
         }
         missing = [what for what, is_there in recorded.items() if not is_there]
-        figure = strip_figure(run) if run.ticks.t.size else ""
+        figure = strip_figure(run) if ticks.t.size else ""
         drawn.append((run.name, figure, ", ".join(missing)))
     return drawn
 
@@ -146,6 +147,7 @@ def signals_figure(run: Run) -> str:
 
     Its attributes state the times [s] at its edges, for a film beside it.
     """
+    touch = None if run.result is None else run.result.t_layer_touch
     with canvas(8.4, 5.2, layout=None) as figure:
         figure.subplots_adjust(LEFT, 0.085, RIGHT, 0.995, hspace=0.28)
         lanes, along, above = figure.subplots(
@@ -157,11 +159,9 @@ def signals_figure(run: Run) -> str:
         _draw_coordinate(above, run.ticks, sights, "z")
         along.set_ylabel("along the strip  [mm]")
         above.set_ylabel("above the desk  [mm]")
-        if run.result is not None and run.result.t_layer_touch is not None:
+        if touch is not None:
             for axes in (along, above):
-                axes.axvline(
-                    run.result.t_layer_touch, color=ORANGE, lw=1, ls=(0, (3, 2))
-                )
+                axes.axvline(touch, color=ORANGE, lw=1, ls=(0, (3, 2)))
         above.set_xlabel("t  [s]")
         figure.align_ylabels([along, above])
         first, last = above.get_xlim()
@@ -193,9 +193,10 @@ def _draw_outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
     """Draw outlines of the strip in the plane, during the lay motion and after it."""
     drawn_states: set[str] = set()
     for outline in outlines:
-        label = None if outline.state in drawn_states else outline.state
-        drawn_states.add(outline.state)
-        colour = GREEN if outline.state == "LAY" else PURPLE
+        state = outline.state
+        label = None if state in drawn_states else state
+        drawn_states.add(state)
+        colour = GREEN if state == "LAY" else PURPLE
         axes.fill(
             *(1e3 * outline.plane).T,
             fc=colour,
@@ -221,37 +222,40 @@ def _draw_desk(axes: Any, run: Run) -> None:
 
 def _draw_path(axes: Any, ticks: Ticks) -> None:
     """Draw the commanded and the measured path of the gripper."""
+    size = ticks.t.size
     commanded = 1e3 * np.stack([ticks.x_cmd, ticks.z_cmd])
     axes.plot(*commanded, color=MUTED, lw=0.8, ls=(0, (1, 2)), gid="commanded")
     measured = 1e3 * np.stack([ticks.x, ticks.z])
     axes.plot(*measured, color=INK, lw=1.5, gid="gripper")
 
-    if ticks.t.size:
+    if size:
         axes.plot(*measured[:, -1], "o", mfc=PAPER, mec=INK, ms=5)
-        early = measured[:, ticks.t.size // 5]
+        early = measured[:, size // 5]
         axes.annotate("gripper", early, (6, 6), **NOTE)
 
 
 def _draw_touch(axes: Any, run: Run) -> None:
     """Mark the place at which the layers touched."""
-    if run.result is None or run.result.l2 is None:
+    l2 = None if run.result is None else run.result.l2
+    if l2 is None:
         return
-    touch = (1e3 * run.result.l2, 0)
+    touch = (1e3 * l2, 0)
     axes.plot(*touch, "o", color=ORANGE, ms=6, zorder=5)
     axes.annotate("layers touch", touch, (0, -18), ha="center", color=ORANGE, **NOTE)
 
 
 def _draw_lanes(axes: Any, ticks: Ticks) -> None:
     """Draw a bar over time for each state of the run, named where there is room."""
+    t = ticks.t
     axes.set_axis_off()
     first = 0
     for state, rows in groupby(ticks.state):
         following = first + len(list(rows))
-        start, end = ticks.t[first], ticks.t[min(following, ticks.t.size - 1)]
+        start, end = t[first], t[min(following, t.size - 1)]
         first = following
         shade = STATE_SHADES.get(state, RULE)
         axes.barh(0, end - start, left=start, height=1, color=shade, lw=0, gid=state)
-        if end - start > NAMED_SHARE * (ticks.t[-1] - ticks.t[0]):
+        if end - start > NAMED_SHARE * (t[-1] - t[0]):
             middle = 0.5 * (start + end)
             axes.text(
                 middle, 0, state, ha="center", va="center", fontsize=8, color="#20262d"
@@ -316,9 +320,7 @@ def _draw_prediction(axes: Any, outlook: Outlook, name: str) -> None:
     sigma.
     """
     label, scale, colour = PANELS[name]
-    value, low, high = (
-        scale * outlook.column(name + end) for end in ("", "_low", "_high")
-    )
+    value, low, high = scale * outlook.band(name)
     axes.fill_between(
         outlook.t, low, high, color=colour, alpha=0.22, lw=0, gid="one sigma"
     )

@@ -44,14 +44,19 @@ def page(template: str, title: str, /, **facts: Any) -> str:
     return frame.render(title=title, body=Markup(body), charts=charts)  # noqa: S704 escaped
 
 
-def jpeg_text(image: "Image", width: int = 640, quality: int = 82) -> str:
-    """Encode `image` (h, w, 3) as a JPEG, `width` [px] wide, in base64 text."""
+def jpeg(image: "Image", width: int, quality: int = 70) -> bytes:
+    """Encode `image` (h, w, 3) as a JPEG, `width` [px] wide."""
     import cv2
 
     size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     _, content = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, quality])
-    return base64.b64encode(bytes(content)).decode()
+    return bytes(content)
+
+
+def jpeg_text(image: "Image", width: int = 640, quality: int = 82) -> str:
+    """Encode `image` (h, w, 3) as `jpeg`, in base64 text."""
+    return base64.b64encode(jpeg(image, width, quality)).decode()
 
 
 @cache

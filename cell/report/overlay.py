@@ -93,7 +93,7 @@ class ShownImages:
         ]
         touched = None if run.result is None else run.result.t_layer_touch
         over = float(np.max(run.ticks.t, initial=0.0)) if touched is None else touched
-        laying = [note for note in notes if state_at(run, note.stamp) in LAYING_STATES]
+        laying = [note for note in notes if _state_at(run, note.stamp) in LAYING_STATES]
         laid = evenly_chosen(laying, SHOWN_OUTLINES)
         some = evenly_chosen(notes, SHOWN_IMAGES)
         middle = _nearest(notes, 0.5 * over)
@@ -323,7 +323,7 @@ def _caption(note: FrameNote, run: Run) -> str:
     if note.stamp < 0:
         words.append("before the lift")
     elif run.ticks.state:
-        words.append(state_at(run, note.stamp))
+        words.append(_state_at(run, note.stamp))
     contact = sights.contact_x[sights.sequence == note.sequence]
     if contact.size and np.isfinite(contact[0]):
         words.append(f"contact {in_mm(contact[0])}")
@@ -365,16 +365,17 @@ def _outlines(run: Run, shown: ShownImages) -> Iterator[Silhouette]:
         gripper = run.ticks.pose_at(note.stamp)
         pixels = perception.outline(replace(before, image=image), gripper)
         if len(pixels):
-            state = state_at(run, note.stamp)
+            state = _state_at(run, note.stamp)
             plane = calibration.to_plane(pixels)
             yield Silhouette(note.sequence, state, pixels, plane)
 
 
-def state_at(run: Run, stamp: float) -> str:
+def _state_at(run: Run, stamp: float) -> str:
     """State of the run at `stamp` [s]; empty before the lift, or where states are not
     recorded.
     """
-    if stamp < 0 or not run.ticks.state:
+    states = run.ticks.state
+    if stamp < 0 or not states:
         return ""
     row = int(np.searchsorted(run.ticks.t, stamp))
-    return run.ticks.state[min(row, len(run.ticks.state) - 1)]
+    return states[min(row, len(states) - 1)]

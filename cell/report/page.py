@@ -92,7 +92,8 @@ def write_page(run: Run) -> Path:
 
 def report(run: Run) -> str:
     """Text of the HTML page of the `run`."""
-    policy = f", policy {run.header.policy}" if run.header.policy else ""
+    header = run.header
+    policy = f", policy {header.policy}" if header.policy else ""
     under_way = files.is_under_way(run.folder)
     truth, spoilt = truth_of(run)
     said, numbers = verdict_of(run, under_way), weights(run, truth or {})
@@ -102,8 +103,8 @@ def report(run: Run) -> str:
     has_ticks = run.ticks.t.size > 0
     return page(
         "report/templates/run.html",
-        f"{run.header.strip} · {run.name}",
-        kicker=f"Fold {read_row(run.folder).short} of {run.header.strip}{policy}",
+        f"{header.strip} · {run.name}",
+        kicker=f"Fold {read_row(run.folder).short} of {header.strip}{policy}",
         name=run.name,
         said=said,
         close_ups=close_ups(run, shown) if numbers else (),
@@ -114,7 +115,7 @@ def report(run: Run) -> str:
         beliefs=beliefs(run, outlook),
         film=film_of(run, shown, outlines),
         checks=checks(run),
-        events=listed_events(run),
+        events=_listed_events(run),
         files=[(Link(n, n), what) for n, what in FILES if (run.folder / n).is_file()],
         facts=[(key, setting_text(key, value)) for key, value in stated_settings(run)],
         pictures=key_pictures(run, shown, outlines),
@@ -174,14 +175,15 @@ def marks(run: Run) -> list[tuple[float, str]]:
     """Times [s] and names of what happened in a film: states as they begin, the touch
     of the layers, faults.
     """
+    touch = None if run.result is None else run.result.t_layer_touch
     begun: dict[str, float] = {}
     # one that another program recorded has no states
     for t, state in zip(run.ticks.t.tolist(), run.ticks.state, strict=False):
         begun.setdefault(state, t)
     found = [(begun[s], word) for s, word in MARKED_STATES.items() if s in begun]
 
-    if run.result is not None and run.result.t_layer_touch is not None:
-        found.append((run.result.t_layer_touch, "touch"))
+    if touch is not None:
+        found.append((touch, "touch"))
     found += [(event.t, "fault") for event in run.events() if event.kind == "fault"]
     at_once = {round(t, 1): (t, word) for t, word in sorted(found)}
     return [*at_once.values()]
@@ -219,10 +221,7 @@ def beliefs(run: Run, outlook: Outlook) -> list[tuple[str, str, str]]:
     for name, (label, scale, _) in figures.PANELS.items():
         if name == "displacement":
             continue
-        value, low, high = (
-            scale * float(outlook.column(name + end)[-1])
-            for end in ("", "_low", "_high")
-        )
+        value, low, high = scale * outlook.band(name)[:, -1]
         title, unit = label.rstrip("]").split("  [")
         known = stated.get(name)
         in_file = NO_VALUE if known is None else f"{scale * known:.3g} {unit}"
@@ -321,7 +320,7 @@ def checks(run: Run) -> list[tuple[str, str, str]]:
     ]
 
 
-def listed_events(run: Run) -> list[tuple[str, str, str]]:
+def _listed_events(run: Run) -> list[tuple[str, str, str]]:
     """Table rows (time, kind, facts) of events; frequent kinds are only counted."""
     events = [event for event in run.events() if event.kind not in SHOWN_ELSEWHERE]
     counts = Counter(event.kind for event in events)
@@ -354,7 +353,8 @@ def advice(run: Run) -> list[str]:
 
 def _steps_at_the_arm(run: Run) -> list[str]:
     """Sentences on what to do with arm and strip after a run whose process died."""
-    if run.header.drivers is not None and run.header.drivers.arm == "twin":
+    drivers = run.header.drivers
+    if drivers is not None and drivers.arm == "twin":
         return ["Nothing needs to be put right: the twin's arm ended with its process."]
     lifted = run.ticks.t.size > 0 and run.ticks.z[-1] > HEIGHT_ON_DESK
     hand = "Open the fingers with `cell open` and lift the hand with `cell home`."

@@ -77,12 +77,13 @@ class KeyFigure:
     @property
     def history(self) -> str:
         """Words on the same number of the folds before."""
-        if not self.earlier:
+        earlier = self.earlier
+        if not earlier:
             return "no earlier fold of this strip"
-        ends = (min(self.earlier), max(self.earlier))
+        ends = (min(earlier), max(earlier))
         texts = (millimetres(end, signed=True) for end in ends)
         span = " to ".join(dict.fromkeys(texts))
-        return f"{plural(len(self.earlier), 'fold')} before: {span}"
+        return f"{plural(len(earlier), 'fold')} before: {span}"
 
     @property
     def place(self) -> float:
@@ -104,9 +105,10 @@ def weights(run: Run, truth: Mapping[str, Any]) -> list[KeyFigure]:
     """Numbers of weight on a fold: edges, touch, difference from what was predicted;
     none where nothing was measured. `truth` is the plant's motion on the twin.
     """
-    if run.result is None or run.result.displacement is None:
+    own = run.result
+    if own is None or own.displacement is None:
         return []
-    folds = [run.result, *earlier_results(run.folder, run.header.strip, EARLIER_FOLDS)]
+    folds = [own, *earlier_results(run.folder, run.header.strip, EARLIER_FOLDS)]
     sigma, surprises = run.header.sigma, [_surprise(fold) for fold in folds]
     numbers: dict[str, tuple[str, float | None, list[float | None]]] = {
         "upper edge, laid down": (
@@ -145,11 +147,12 @@ def verdict_of(run: Run, under_way: bool = False) -> PageVerdict:
     """Verdict on `run`, without the truth that only the twin knows."""
     if under_way:
         return PageVerdict("fair", "Still under way", (_last_seen(run, "so far"),))
-    if run.result is None:
+    result = run.result
+    if result is None:
         return _verdict_without_result(run)
-    if run.result.displacement is None:
-        return _without_displacement(run, run.result)
-    return _fold_verdict(run, run.result, run.result.displacement)
+    if result.displacement is None:
+        return _without_displacement(run, result)
+    return _fold_verdict(run, result, result.displacement)
 
 
 def _fold_verdict(run: Run, result: Result, displacement: float) -> PageVerdict:
@@ -176,9 +179,10 @@ def _doubts(result: Result) -> list[str]:
     """Sentences on what speaks against a fold, each with what to do: the reason of
     another end than a touch, lengths that differ, a strip unlike its model.
     """
+    agreement = result.agreement
     reasons: list[str | None] = [note.reason for note in result.witnesses]
-    if result.agreement is not None and not result.agreement.like_model:
-        reasons.append(result.agreement.reason)
+    if agreement is not None and not agreement.like_model:
+        reasons.append(agreement.reason)
     if result.outcome != "layer_touch":
         reasons.insert(0, result.reason)
     return [_sentence(reason) for reason in dict.fromkeys(reasons) if reason]
@@ -243,16 +247,17 @@ def _verdict_without_result(run: Run) -> PageVerdict:
     """Verdict on a run whose result is broken, or whose process died before it wrote
     one.
     """
+    ticks = run.ticks
     if (run.folder / RESULT).exists():
         unread = f"What {RESULT} holds cannot be read."
         sentences = (unread, _last_seen(run, "at the last row"))
         headline = "How the run ended cannot be read"
         return PageVerdict("bad", headline, tuple(filter(None, sentences)), spoilt=True)
-    if run.ticks.t.size == 0:
+    if ticks.t.size == 0:
         sentence = "The process died before the arm moved; nothing was measured."
         return PageVerdict("bad", "The process died at the start", (sentence,))
-    state = f" in state {run.ticks.state[-1]}" if run.ticks.state else ""
-    headline = f"The process died at t = {seconds(run.ticks.t[-1])}{state}"
+    state = f" in state {ticks.state[-1]}" if ticks.state else ""
+    headline = f"The process died at t = {seconds(ticks.t[-1])}{state}"
     return PageVerdict(
         "bad", headline, (_last_seen(run, "then"), "There is no result.")
     )

@@ -71,7 +71,7 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
         plural(len(rows), "run"),
         head=COLUMN_HEADINGS,
         wide=THUMBNAIL_WIDTH,
-        trend=trend_figure(by_time),
+        trend=_trend_figure(by_time),
         rows=[
             (
                 row.name[-4:],
@@ -95,7 +95,7 @@ def write_imported(folders: Sequence[Path], out: Path) -> Path:
     return out
 
 
-def trend_figure(rows: Sequence[RunRow]) -> str:
+def _trend_figure(rows: Sequence[RunRow]) -> str:
     """Figure (SVG) of the edges of `rows`, oldest first, fold by fold of a strip.
 
     Empty where no strip has two folds that laid their edges.
@@ -347,7 +347,8 @@ def _shapes(compared: Sequence[Compared]) -> str:
     with canvas(8.4, 4.0) as figure:
         axes = figure.add_subplot(aspect="equal", anchor="W")
         axes.axhline(0, color=MUTED, lw=0.8)
-        ends = [one.run.profile.t.max() for one in compared if one.run.profile.t.size]
+        stamps = [one.run.profile.t for one in compared]
+        ends = [t.max() for t in stamps if t.size]
         times = np.linspace(0.0, min(ends, default=0.0), SHAPES + 1)[1:]
         for number, one in enumerate(compared):
             shade = COLOURS[number % len(COLOURS)]

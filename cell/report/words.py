@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeGuard
 
 MINUS = "\N{MINUS SIGN}"
 NO_VALUE = "\N{EM DASH}"
@@ -61,11 +61,15 @@ def plural(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
+def _is_known(value: float | None) -> TypeGuard[float]:
+    return value is not None and math.isfinite(value)
+
+
 def millimetres(value: float | None, signed: bool = False) -> str:
     """Text of a length [m] in mm with one decimal; with two where one decimal shows
     zero.
     """
-    if value is None or not math.isfinite(value):
+    if not _is_known(value):
         return NO_VALUE
     decimals = 2 if 5e-6 <= abs(value) < 5e-5 else 1
     value = 0.0 if abs(value) < 5e-6 else value
@@ -75,14 +79,14 @@ def millimetres(value: float | None, signed: bool = False) -> str:
 
 def seconds(value: float | None, decimals: int = 2) -> str:
     """Text of a time `value` [s] in seconds, with `decimals`."""
-    if value is None or not math.isfinite(value):
+    if not _is_known(value):
         return NO_VALUE
     return f"{value:.{decimals}f} s".replace("-", MINUS)
 
 
 def milliseconds(value: float | None) -> str:
     """Text of a time `value` [s] in milliseconds."""
-    if value is None or not math.isfinite(value):
+    if not _is_known(value):
         return NO_VALUE
     # never minus nothing
     return f"{round(1e3 * value, 1) + 0.0:.1f} ms".replace("-", MINUS)

@@ -148,11 +148,12 @@ def _compare(
 
 def _draw_motion(picture: Image, motion: ImageMotion) -> None:
     """Draw arrows of `motion` into `picture` (h, w, 3), at its patches and all over."""
-    points = np.concatenate([GRID * motion.size, motion.positions])
-    times = ARROW * motion.size[0] / max(motion.largest(), ALLOWED)
+    size = motion.size
+    points = np.concatenate([GRID * size, motion.positions])
+    times = ARROW * size[0] / max(motion.largest(), ALLOWED)
     ends = points + times * motion.shift(points)
     for start, end in np.rint([points, ends]).astype(int).swapaxes(0, 1).tolist():
         cv2.arrowedLine(picture, start, end, ARROW_COLOUR, 2, cv2.LINE_AA)
     text = f"red: pinned, cyan: now; arrows {times:.0f} times as long as the shift"
-    corner = (12, motion.size[1] - 16)
+    corner = (12, size[1] - 16)
     cv2.putText(picture, text, corner, cv2.FONT_HERSHEY_SIMPLEX, 0.7, ARROW_COLOUR, 2)

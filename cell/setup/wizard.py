@@ -343,17 +343,18 @@ def show_board(
 
 def live_images(devices: Devices) -> Iterator[Frame]:
     """Yield live images of a connected camera, PERIOD apart; Fault if none comes."""
+    now = devices.clock.now
     newest = -1.0
     while True:
-        start = devices.clock.now()
+        start = now()
         frame = None
         while frame is None:
-            if devices.clock.now() >= start + STALL_TIMEOUT:
+            if now() >= start + STALL_TIMEOUT:
                 reason = (
                     f"no image in {STALL_TIMEOUT:.0f} s; look at the camera's cable"
                 )
                 raise Fault("camera_stalled", reason)
-            devices.clock.wait_until(devices.clock.now() + PERIOD)
+            devices.clock.wait_until(now() + PERIOD)
             frame = devices.camera.read(newest, timeout=0.0)
         newest = frame.stamp
         yield frame

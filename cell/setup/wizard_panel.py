@@ -125,7 +125,7 @@ class WizardPanel:
         """Render the wizard's panel, no higher than the terminal, which could not
         redraw it.
         """
-        body = points_map(progress.plan) if progress.plan else views_table(progress)
+        body = _points_map(progress.plan) if progress.plan else _views_table(progress)
         rows = (("next", progress.request, "bold"), ("why ", progress.why, ""))
         head = [
             Text(f"{word}  {text}", style=style)
@@ -142,17 +142,17 @@ class WizardPanel:
         return panel
 
 
-def views_table(progress: Progress) -> Table:
+def _views_table(progress: Progress) -> Table:
     """Table of the criteria of a lens calibration, beside a sketch of the requested
     board view.
     """
     table = Table.grid(padding=(0, 2))
-    sketch = [] if progress.sketch is None else [sketch_text(progress.sketch)]
-    table.add_row(gates_table(progress.coverage), *sketch)
+    sketch = [] if progress.sketch is None else [_sketch_text(progress.sketch)]
+    table.add_row(_gates_table(progress.coverage), *sketch)
     return table
 
 
-def sketch_text(sketch: Sketch) -> Text:
+def _sketch_text(sketch: Sketch) -> Text:
     """Sketch of the board in the image's frame: yellow as requested, green as
     detected.
     """
@@ -177,7 +177,7 @@ def sketch_text(sketch: Sketch) -> Text:
     return text.append("yellow: wanted  green: seen", "dim")
 
 
-def gates_table(gates: Sequence[Gate]) -> Table:
+def _gates_table(gates: Sequence[Gate]) -> Table:
     """Table of the criteria that board views must meet: name, bar and ratio of each
     criterion.
     """
@@ -192,7 +192,7 @@ def gates_table(gates: Sequence[Gate]) -> Table:
     return table
 
 
-def points_map(plan: Sequence[tuple[float, float, str]]) -> RenderableType:
+def _points_map(plan: Sequence[tuple[float, float, str]]) -> RenderableType:
     """Map of planned poses x, z [m], each with its state: a character that MARK_LEGEND
     explains.
     """

@@ -71,7 +71,7 @@ class Evaluation:
         return {
             "engine": self.engine,
             "side": len(self.displacement),
-            **miss_numbers(self.misses),
+            **_miss_numbers(self.misses),
             "untouched": self.untouched,
             "displacement": gone,
         }
@@ -94,11 +94,11 @@ class EffectErrors:
         return {
             "strips": len(d),
             "bias": float(np.nanmean(d)),
-            **miss_numbers(Misses.from_displacements(d)),
+            **_miss_numbers(Misses.from_displacements(d)),
         }
 
 
-def miss_numbers(misses: Misses) -> dict[str, float | int]:
+def _miss_numbers(misses: Misses) -> dict[str, float | int]:
     """Statistics of |d| [m] in `misses`, by their names in a record in JSON."""
     numbers = asdict(misses)
     return {"p95" if name == "quantile_95" else name: numbers[name] for name in numbers}

@@ -53,7 +53,7 @@ def write_main_picture(results: Results, path: Path) -> None:
     from matplotlib import rc_context
 
     with rc_context({"svg.fonttype": "path"}):
-        write_output(path, as_png(main_picture(results), DPI))
+        write_output(path, as_png(_main_picture(results), DPI))
 
 
 def lines(results: Results) -> list[dict[str, Any]]:
@@ -195,7 +195,7 @@ def dot(policy: str) -> dict[str, Any]:
     return {"marker": look.marker, "ms": look.size, "ls": "", **face}
 
 
-def label_rows(axes: Any, names: Sequence[str], foot: float = 0.0) -> None:
+def _label_rows(axes: Any, names: Sequence[str], foot: float = 0.0) -> None:
     """Label the y axis with a row for each of `names`, the first on top, `foot` free
     rows below.
     """
@@ -206,21 +206,21 @@ def label_rows(axes: Any, names: Sequence[str], foot: float = 0.0) -> None:
     axes.spines["left"].set_visible(False)
 
 
-def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
+def _policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
     """Label the y axis with a row for each policy, in its colour, with `foot` free rows
     below.
     """
-    label_rows(axes, policies, foot)
+    _label_rows(axes, policies, foot)
     for label, policy in zip(axes.get_yticklabels(), policies, strict=True):
         label.set(color=colour(policy), fontweight="bold")
 
 
-def draw_zero_line(axes: Any) -> None:
+def _draw_zero_line(axes: Any) -> None:
     """Draw the line of d = 0, where the layers are aligned."""
     axes.axvline(0.0, color=INK, lw=0.8, zorder=1)
 
 
-def strips_figure(results: Results) -> str:
+def _strips_figure(results: Results) -> str:
     """Figure (SVG) of displacements d by policy and strip, beside the published
     numbers.
     """
@@ -229,7 +229,7 @@ def strips_figure(results: Results) -> str:
         return as_svg(figure)
 
 
-def main_picture(results: Results) -> Any:
+def _main_picture(results: Results) -> Any:
     """Matplotlib figure of the displacements d on every strip, with its own title."""
     with canvas(PAGE_WIDTH, _height(results) + 0.2) as figure:
         axes = figure.add_subplot()
@@ -239,7 +239,7 @@ def main_picture(results: Results) -> Any:
         return figure
 
 
-def repeats_figure(results: Results) -> str:
+def _repeats_figure(results: Results) -> str:
     """Figure (SVG) of d in repeated folds of a strip about its mean, with the published
     1 mm.
     """
@@ -248,7 +248,7 @@ def repeats_figure(results: Results) -> str:
     with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.75) as figure:
         axes = figure.add_subplot()
         axes.axvspan(-half, half, color=BAND, alpha=0.18, lw=0)
-        draw_zero_line(axes)
+        _draw_zero_line(axes)
         widest = 2 * half
         for row, policy in enumerate(policies):
             d = 1e3 * displacements(results.repeats(policy))
@@ -263,7 +263,7 @@ def repeats_figure(results: Results) -> str:
                 clip_on=False,
                 gid=policy,
             )
-        policy_rows(axes, policies)
+        _policy_rows(axes, policies)
         axes.set_xlim(-1.08 * widest, 1.08 * widest)
         axes.set_xlabel(
             f"d of {results.asked.repeated}, about the mean of its folds  [mm]"
@@ -274,7 +274,7 @@ def repeats_figure(results: Results) -> str:
         return as_svg(figure)
 
 
-def range_figure(results: Results) -> str:
+def _range_figure(results: Results) -> str:
     """Figure (SVG) of d by policy, over a simulated range of strips and in folds
     through images.
     """
@@ -282,12 +282,12 @@ def range_figure(results: Results) -> str:
     with canvas(PAGE_WIDTH, 0.42 * len(policies) + 1.1) as figure:
         axes = figure.add_subplot()
         _draw_paper_numbers(axes)
-        draw_zero_line(axes)
+        _draw_zero_line(axes)
         for row, policy in enumerate(policies):
             _draw_policy_range(axes, results, policy, row)
         axes.use_sticky_edges = False
         axes.margins(x=0.03)
-        policy_rows(axes, policies, foot=0.5)
+        _policy_rows(axes, policies, foot=0.5)
         axes.set_xlabel(DISPLACEMENT)
         return as_svg(figure)
 
@@ -298,7 +298,7 @@ def _draw_strips(axes: Any, results: Results) -> None:
     """
     strips = _soft_to_stiff(results)
     _draw_paper_numbers(axes)
-    draw_zero_line(axes)
+    _draw_zero_line(axes)
     for row in range(len(strips)):
         axes.axhline(row, color=RULE, lw=0.6, zorder=0)
     for policy in results.asked.policies:
@@ -307,7 +307,7 @@ def _draw_strips(axes: Any, results: Results) -> None:
         front = 6 - 0.2 * look_of(policy).size  # smaller markers lie over larger ones
         d = 1e3 * displacements(folds)
         axes.plot(d, rows, **dot(policy), label=policy, zorder=front, clip_on=False)
-    label_rows(axes, strips, foot=0.55)  # room for the paper's numbers
+    _label_rows(axes, strips, foot=0.55)  # room for the paper's numbers
     axes.set_xlabel(DISPLACEMENT)
     axes.legend(**LEGEND_ABOVE, labelcolor="linecolor")
 
@@ -361,7 +361,7 @@ def _height(results: Results) -> float:
     return 0.31 * max(len(_soft_to_stiff(results)), 3) + 1.15
 
 
-def maps_figure(results: Results) -> str:
+def _maps_figure(results: Results) -> str:
     """Figure (SVG) with a map of d over stiffness and damping per policy; empty without
     data.
     """
@@ -391,7 +391,7 @@ def maps_figure(results: Results) -> str:
         return as_svg(figure)
 
 
-def force_figure(results: Results) -> str:
+def _force_figure(results: Results) -> str:
     """Figure (SVG) of the mean force [N] on the fixed edge by policy, with its 5 to 95
     % range.
     """
@@ -415,7 +415,7 @@ def force_figure(results: Results) -> str:
                 fontsize=8.5,
                 color=INK,
             )
-        policy_rows(axes, policies)
+        _policy_rows(axes, policies)
         axes.set_xlim(0, None)
         axes.margins(x=0.12)
         axes.set_xlabel("mean force from the take-over to the touch  [N]")
@@ -457,9 +457,9 @@ def _cell_borders(low: float, high: float, side: int) -> Any:
 
 
 FIGURES = {
-    "strips": strips_figure,
-    "repeats": repeats_figure,
-    "range": range_figure,
-    "maps": maps_figure,
-    "force": force_figure,
+    "strips": _strips_figure,
+    "repeats": _repeats_figure,
+    "range": _range_figure,
+    "maps": _maps_figure,
+    "force": _force_figure,
 }

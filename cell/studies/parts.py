@@ -70,7 +70,7 @@ def parts_of(spec: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, .
     return (*_simulated_parts(spec, speed), *_image_parts(spec, configs, runs))
 
 
-def weights_digest(policy: str = "*") -> str:
+def _weights_digest(policy: str = "*") -> str:
     """Digest of the committed weights of `policy`, or of all policies."""
     folder = Path(policies.__file__).parent / "weights"
     files = sorted([*folder.glob(f"{policy}.json"), *folder.glob(f"{policy}.npz")])
@@ -83,7 +83,7 @@ def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
     """
     size = spec.extent
     for policy in spec.policies:
-        of = digest(code(), weights_digest(policy))
+        of = digest(code(), _weights_digest(policy))
         plans = policy == Planned.name
         sides: tuple[tuple[EngineName, int], ...] = (
             ("rod", size.grid),
@@ -121,16 +121,20 @@ def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[
         inputs = (
             cell.model_dump_json(),
             strip.model_dump_json(),
-            weights_digest(policy),
+            _weights_digest(policy),
         )
         request = Request(cell, strip, policy, runs, trial=Trial(seed=seed))
         key = f"fold {strip.name} by {policy}, seed {seed}"
         yield Part(
-            key, digest(code(), *inputs), IMAGES_COST, fold_images, arguments=(request,)
+            key,
+            digest(code(), *inputs),
+            IMAGES_COST,
+            _fold_images,
+            arguments=(request,),
         )
 
 
-def fold_images(request: Request) -> ImageFold:
+def _fold_images(request: Request) -> ImageFold:
     """Fold a strip through images by `request`; its page is not written."""
     result = fold(request, calibration_of(request.cell))
     stated = {
@@ -224,7 +228,7 @@ def benchmark(
         asked=spec,
         made_with={
             "cell": settings.name,
-            "weights": weights_digest(),
+            "weights": _weights_digest(),
             **{package: version(package) for package in PACKAGES},
         },
         speed=settings.fold.speed,
@@ -234,10 +238,11 @@ def benchmark(
 
 def summarise(record: Record) -> str:
     """Result of a part in a few words, for the progress report."""
-    if record.outcome is None:
+    outcome = record.outcome
+    if outcome is None:
         return f": {record.reason}"
-    if record.outcome["kind"] == "fold":
-        return f": {millimetres(record.outcome['displacement'], signed=True)}"
+    if outcome["kind"] == "fold":
+        return f": {millimetres(outcome['displacement'], signed=True)}"
     return ""
 
 

@@ -148,7 +148,7 @@ TIME_LIMIT = 900.0  # s of wall time, after which a fold is set aside
 COMPLETE_SHARE = 0.75  # share of the folds that must have come to their end
 
 
-def fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
+def _fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
     """Fold strip `number` of those drawn by `seed` through images, with the critic
     `checkpoint`.
 
@@ -219,7 +219,7 @@ def _fold_all(
     bare = (folder / UNTRANSFERRED).resolve()
     of = digest(code(), sha256(bare.read_bytes()).hexdigest()[:12])
     parts = [
-        Part(f"{seed}-{number:04d}", of, SECONDS, fold_drawn, (number, seed, bare))
+        Part(f"{seed}-{number:04d}", of, SECONDS, _fold_drawn, (number, seed, bare))
         for number in range(count)
     ]
     records = sorted(

@@ -121,9 +121,8 @@ class TwinCamera:
         """Scenes at the middles of equal parts of the exposure around `middle` [s],
         from 0 s on.
         """
-        offsets = (
-            np.arange(self._settings.sub_shapes) + 0.5
-        ) / self._settings.sub_shapes - 0.5
+        sub_shapes = self._settings.sub_shapes
+        offsets = (np.arange(sub_shapes) + 0.5) / sub_shapes - 0.5
         moments = middle + offsets * self._settings.exposure
         return [self._view(max(float(moment), 0.0)) for moment in moments]
 

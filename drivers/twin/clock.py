@@ -112,14 +112,13 @@ class TwinClock:
         """Run the first event of the queue and schedule its next call; drop a cancelled
         one.
         """
-        time, _, _, event = self._queue[0]
+        queue = self._queue
+        time, _, _, event = queue[0]
         if event.cancelled or event.period is None:
-            heapq.heappop(self._queue)
+            heapq.heappop(queue)
         else:
             event.count += 1
-            heapq.heapreplace(
-                self._queue, (event.due(), event.rank, event.number, event)
-            )
+            heapq.heapreplace(queue, (event.due(), event.rank, event.number, event))
         if not event.cancelled:
             self._now = max(self._now, time)
             event.action(self._now / NANOSECONDS)

@@ -156,11 +156,12 @@ class Features:
         """Inputs (n, COUNT) of the critic from observation, rises (n,) [m], mask of
         descents.
         """
-        x = observation.x / self._length
-        z = observation.z / self._length
-        r = rise / self._length
+        whole = self._length
+        x = observation.x / whole
+        z = observation.z / whole
+        r = rise / whole
         age = np.clip(observation.time - self.newest, 0.0, LARGEST_AGE)
-        length = np.full(len(x), self._length / REFERENCE_LENGTH)
+        length = np.full(len(x), whole / REFERENCE_LENGTH)
         state = np.stack([x, z, r, z - x - r, descending, age, length], axis=1)
 
         trend = self._window.trend()

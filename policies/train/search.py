@@ -191,10 +191,11 @@ class FeedbackTraining:
         """Write the checkpoint of the best weights so far, and what they were trained
         on.
         """
+        generation = self._optimiser.generation
         training = Training(
             seed=self.settings.seed,
-            generations=self._optimiser.generation,
-            folds=self._optimiser.generation * self.settings.folds_per_generation,
+            generations=generation,
+            folds=generation * self.settings.folds_per_generation,
         )
         weights = tuple(float(w) for w in self.weights)
         checkpoint = Checkpoint(

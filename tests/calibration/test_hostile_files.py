@@ -31,13 +31,14 @@ SPOILT = {
 @pytest.fixture(params=[*SPOILT, "pipe", "endless"])
 def spoilt(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     """A file that nobody can use, under every name that a reader asks for."""
+    param = request.param
     for name in ("told.jsonl", "latency.json", "lens.yaml"):
-        if request.param == "pipe":
+        if param == "pipe":
             os.mkfifo(tmp_path / name)
-        elif request.param == "endless":
+        elif param == "endless":
             (tmp_path / name).symlink_to("/dev/zero")
         else:
-            (tmp_path / name).write_bytes(SPOILT[request.param])
+            (tmp_path / name).write_bytes(SPOILT[param])
     return tmp_path
 
 

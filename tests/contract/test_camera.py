@@ -25,13 +25,14 @@ def camera(bench):
 
 def watch(bench, camera, seconds: float) -> list:
     """Every frame of the next `seconds`, read as soon as it is there."""
+    clock = bench.clock
     seen, after = [], ALWAYS
-    end = bench.clock.now() + seconds
-    while bench.clock.now() < end:
-        bench.clock.wait_until(bench.clock.now() + LOOK)
+    end = clock.now() + seconds
+    while clock.now() < end:
+        clock.wait_until(clock.now() + LOOK)
         frame = camera.read(after, 0.0)
         if frame is not None:
-            seen.append((bench.clock.now(), frame))
+            seen.append((clock.now(), frame))
             after = frame.stamp
     return seen
 

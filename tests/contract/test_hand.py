@@ -6,9 +6,10 @@ from drivers.base.types import HandState, Pose
 
 
 def until_still(bench, limit: float = 5.0) -> HandState:
-    end = bench.clock.now() + limit
-    while bench.clock.now() < end:
-        bench.clock.wait_until(bench.clock.now() + 0.01)
+    clock = bench.clock
+    end = clock.now() + limit
+    while clock.now() < end:
+        clock.wait_until(clock.now() + 0.01)
         state = bench.hand.state()
         if not state.moving:
             return state
@@ -66,8 +67,9 @@ def test_grasp_in_the_air_does_not_hold(bench) -> None:
 
 
 def test_grasp_beside_the_edge_does_not_hold(bench) -> None:
+    edge = bench.edge
     bench.arm.connect()
-    bench.arm.move_to(Pose(bench.edge.x + 0.015, bench.edge.z, bench.edge.pitch))
+    bench.arm.move_to(Pose(edge.x + 0.015, edge.z, edge.pitch))
     _arrive(bench)
     assert not _grasped(bench).grasped
 
@@ -89,13 +91,14 @@ def test_opening_lets_go(at_edge) -> None:
 
 
 def test_stop_holds_the_fingers_where_they_are(at_edge) -> None:
-    at_edge.hand.grasp()
+    hand = at_edge.hand
+    hand.grasp()
     at_edge.clock.wait_until(at_edge.clock.now() + 0.1)
-    at_edge.hand.stop()
+    hand.stop()
     stopped = until_still(at_edge)
     assert not stopped.grasped
     at_edge.clock.wait_until(at_edge.clock.now() + 1.0)
-    later = at_edge.hand.state()
+    later = hand.state()
     assert later.width == pytest.approx(stopped.width, abs=1e-3)
     assert not later.grasped
 

@@ -28,10 +28,11 @@ class Folded:
 
     def true_shape(self, t: float) -> np.ndarray:
         """The true midline (n, 2) at `t` of the run."""
+        shapes = self.truth.shapes
         time, times = t + self.origin, self.truth.t
         after = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
         share = (time - times[after - 1]) / (times[after] - times[after - 1])
-        before, behind = self.truth.shapes[after - 1], self.truth.shapes[after]
+        before, behind = shapes[after - 1], shapes[after]
         return before + share * (behind - before)
 
 

@@ -61,10 +61,11 @@ def across(denim: Folded, curve: np.ndarray) -> list[np.ndarray]:
 
 
 def test_page_shows_the_strip_where_it_was_laid(denim: Folded) -> None:
-    seen = silhouettes(denim.run, ShownImages.of(denim.run))
+    run = denim.run
+    seen = silhouettes(run, ShownImages.of(run))
     assert len(seen) == SHOWN_OUTLINES
     assert {outline.state for outline in seen} == {"LAY", "RELEASE"}
-    stamps = {note.sequence: note.stamp for note in denim.run.frame_index()}
+    stamps = {note.sequence: note.stamp for note in run.frame_index()}
     for outline in seen:
         true = denim.true_shape(stamps[outline.sequence])
         off = np.min(
@@ -73,7 +74,7 @@ def test_page_shows_the_strip_where_it_was_laid(denim: Folded) -> None:
         assert np.percentile(off, 95) < 0.002
         clear = true[true[:, 0] > 0.1][:-5]  # the hand covers the ends
         assert distances(clear, outline.plane).max() < 0.006
-    text = report(denim.run)
+    text = report(run)
     assert "LAY" in text
     assert "outline of the strip once the layers touch" in text
 

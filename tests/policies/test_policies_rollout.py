@@ -36,16 +36,17 @@ class Ideal:
         self._time = 0.0
 
     def step(self, poses: Array, dt: float) -> Observables:
+        touch = self.touch
         self._time += dt
         self.poses.append(poses.copy())
         for j, pose in enumerate(poses):
-            if self.touch[j] is None and pose[0] < self.touch_at:
-                self.touch[j] = Touch(
+            if touch[j] is None and pose[0] < self.touch_at:
+                touch[j] = Touch(
                     self._time, 0.3, to_grasped=0.31 + 0.001 * j, to_fixed=0.3
                 )
         ones = np.ones(len(poses))
         tip = poses[:, :2]
-        return Observables(poses[:, 0], tip, 2.0 * ones, tip, tuple(self.touch))
+        return Observables(poses[:, 0], tip, 2.0 * ones, tip, tuple(touch))
 
     def shapes(self) -> Array:
         flat = np.stack([ARC, np.zeros_like(ARC)], axis=1)

@@ -29,17 +29,17 @@ def projected(
 
     `bow` [m] is by how much the ends of the board bend away from its middle.
     """
+    width = settings.width
+    matrix = lens.matrix
     board = np.asarray(settings.board().getChessboardCorners(), dtype=np.float64)
-    centred = board - (settings.width / 2, settings.rows * settings.square / 2, 0)
-    centred[:, 2] += bow * (centred[:, 0] / (settings.width / 2)) ** 2
+    centred = board - (width / 2, settings.rows * settings.square / 2, 0)
+    centred[:, 2] += bow * (centred[:, 0] / (width / 2)) ** 2
     lean = Rotation.from_euler("YXZ", (-wanted.turn, -wanted.tilt, wanted.roll))
     turned = lean.apply(centred)
-    depth = float(lens.matrix[0, 0]) * settings.width / (wanted.size * lens.width)
-    middle = (
-        np.array([wanted.x * lens.width, wanted.y * lens.height]) - lens.matrix[:2, 2]
-    )
-    seen = turned + np.append(middle / lens.matrix[0, 0] * depth, depth)
-    ideal = seen[:, :2] / seen[:, 2:] * lens.matrix[0, 0] + lens.matrix[:2, 2]
+    depth = float(matrix[0, 0]) * width / (wanted.size * lens.width)
+    middle = np.array([wanted.x * lens.width, wanted.y * lens.height]) - matrix[:2, 2]
+    seen = turned + np.append(middle / matrix[0, 0] * depth, depth)
+    ideal = seen[:, :2] / seen[:, 2:] * matrix[0, 0] + matrix[:2, 2]
     image = lens.distort(ideal) + noise * rng.standard_normal((len(board), 2))
     inside = ((image > 4) & (image < (lens.width - 4, lens.height - 4))).all(axis=1)
     return BoardView(np.flatnonzero(inside).astype(float), board[inside], image[inside])

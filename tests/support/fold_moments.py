@@ -46,12 +46,13 @@ class Plan:
 
     def timed(self, path: Array, speeds: Array) -> Iterator[tuple[float, Array, Array]]:
         """Yield time [s], pose (3,) and joints (7,) [rad] at each tick along `path`."""
+        start = self.reach.start
         poses, times = densify(path, speeds)
         due = np.cumsum(times) - times[0]
         plane = StripPlane(
             self.installation.mounting.transform(), turned=self.reach.turned
         )
-        joints, elbow = self.reach.start, float(self.reach.start[ELBOW_JOINT])
+        joints, elbow = start, float(start[ELBOW_JOINT])
         for time in np.arange(0.0, due[-1], TICK).tolist():
             pose = np.array([np.interp(time, due, column) for column in poses.T])
             tracked = track(joints, plane.matrix(*pose.tolist()), elbow, 12)

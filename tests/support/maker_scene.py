@@ -88,18 +88,19 @@ class MakerScene:
         """Set joints (7,) [rad], `width` [m] between the pads, and the strip's
         `midline` (n, 2) [m].
         """
+        data = self.data
         ends = np.linspace(0, len(midline) - 1, PIECES + 1).round().astype(int)
-        self.data.qpos[self._joints] = joints
-        self.data.qpos[self._fingers] = width / 2
+        data.qpos[self._joints] = joints
+        data.qpos[self._fingers] = width / 2
         turn, origin = self._frame[:3, :3], self._frame[:3, 3]
         for number, (start, end) in enumerate(pairwise(midline[ends])):
             (x, z), (along, up) = (start + end) / 2, end - start
             c, s = np.array([along, up]) / np.hypot(along, up)
             leaning = turn @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
-            self.data.mocap_pos[number] = origin + turn @ (x, 0.0, z)
-            self.data.mocap_quat[number] = _quaternion(leaning)
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_collision(self.model, self.data)
+            data.mocap_pos[number] = origin + turn @ (x, 0.0, z)
+            data.mocap_quat[number] = _quaternion(leaning)
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_collision(self.model, data)
 
     def judge(self, moments: Iterable[Moment]) -> tuple[int, list[str]]:
         """How many of the `moments` hold the strip, and what is wrong in any of
@@ -151,10 +152,11 @@ class MakerScene:
 
     def _name(self, geom: int) -> str:
         """Name of what a geom belongs to; `pad` for the boxes of the fingers."""
-        body = self.model.body(self.model.geom_bodyid[geom]).name
+        model = self.model
+        body = model.body(model.geom_bodyid[geom]).name
         if body in FINGERS:
-            return "pad" if self.model.geom_type[geom] == BOX else "finger"
-        return body or self.model.geom(geom).name
+            return "pad" if model.geom_type[geom] == BOX else "finger"
+        return body or model.geom(geom).name
 
 
 def _may_touch(first: str, second: str, depth: float) -> bool:

@@ -54,11 +54,12 @@ class Camera:
         """(n, 2) pixels of places (n, 2) x, z in the plane, `nudge` (3,) [rad] a turn
         about the camera's own axes.
         """
+        matrix = self.lens.matrix
         points = np.column_stack([places[:, 0], np.zeros(len(places)), places[:, 1]])
         turned = (points - self.centre) @ self.turn.T
         if nudge is not None:
             turned = turned + np.cross(nudge, turned)
-        focal, middle = np.diag(self.lens.matrix)[:2], self.lens.matrix[:2, 2]
+        focal, middle = np.diag(matrix)[:2], matrix[:2, 2]
         return self.lens.distort(turned[:, :2] / turned[:, 2:] * focal + middle)
 
 

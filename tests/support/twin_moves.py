@@ -60,11 +60,12 @@ def move(twin: Twin, pose: Pose) -> None:
 
 def grasp(twin: Twin) -> None:
     """Grasp the strip at its stated edge."""
+    hand = twin.hand
     move(twin, Pose(twin.model.stated_length, 0.0, 0.0))
-    twin.hand.grasp()
-    while twin.hand.state().moving:
+    hand.grasp()
+    while hand.state().moving:
         wait(twin, 0.01)
-    assert twin.hand.state().grasped
+    assert hand.state().grasped
 
 
 def drive(twin: Twin, velocity: Velocity, seconds: float) -> None:

@@ -16,7 +16,7 @@ Describe = Callable[[Record], str]
 LINES = 20
 
 
-def failure_text(record: Record) -> str:
+def _failure_text(record: Record) -> str:
     """Text with the state and reason of a part that was not measured; empty if it
     was.
     """
@@ -34,7 +34,7 @@ class Meter(AbstractContextManager["Meter"]):
     """
 
     def __init__(
-        self, console: Console | None = None, describe: Describe = failure_text
+        self, console: Console | None = None, describe: Describe = _failure_text
     ) -> None:
         self._console = console or Console(quiet=True)
         self._describe = describe
@@ -59,6 +59,7 @@ class Meter(AbstractContextManager["Meter"]):
         """Show `known` of `count` steps as done; each costs 1 unless both costs are
         given.
         """
+        bar = self._bar
         self._count = count
         self._number = known
         self._total = float(count) if cost is None else cost
@@ -67,9 +68,9 @@ class Meter(AbstractContextManager["Meter"]):
         if known:
             self._print(f"resumed after {known} of {count}")
         if self._console.is_terminal and known < count:
-            self._task = self._bar.add_task("", total=self._total)
-            self._bar.update(self._task, completed=self._done)
-            self._bar.start()
+            self._task = bar.add_task("", total=self._total)
+            bar.update(self._task, completed=self._done)
+            bar.start()
 
     def finish(self, cost: float, record: Record) -> None:
         """Advance the progress bar by a finished part of `cost`, whose result is

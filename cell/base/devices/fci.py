@@ -116,11 +116,12 @@ def fci_arm(
     """Drivers of the arm and hand of the robot at `address`, which keep the time of
     `clock`.
     """
-    installation = settings.fci.limit(settings.installation)
-    realtime = "ignore" if settings.fci.in_lock_step else settings.fci.realtime
-    fci = settings.fci.model_copy(update={"realtime": realtime})
+    stated = settings.fci
+    installation = stated.limit(settings.installation)
+    realtime = "ignore" if stated.in_lock_step else stated.realtime
+    fci = stated.model_copy(update={"realtime": realtime})
 
-    limits = joint_limits(settings.fci)
+    limits = joint_limits(stated)
 
     def origin() -> float | None:
         return None if isinstance(clock, TwinClock) else clock.origin
@@ -153,13 +154,14 @@ def start_joints(
 
 def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServer:
     """Start an emulated robot in a thread, holding the strip on `desk` of the twin."""
-    installation = settings.fci.limit(settings.installation)
+    stated = settings.fci
+    installation = stated.limit(settings.installation)
     frame = installation.mounting.transform()
-    limits = joint_limits(settings.fci)
+    limits = joint_limits(stated)
     start = start_joints(installation, settings.fold, strip.length, limits)
     twin = settings.twin.arm
     mechanics = ServerSettings(
-        model=settings.fci.model,
+        model=stated.model,
         delay=twin.robot_delay,
         lag=twin.robot_lag,
         plant=twin.robot_plant,
@@ -171,8 +173,8 @@ def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServe
         between=lambda: thickness_between_fingers(desk, settings.twin.hand),
         solids=floor_of(installation),
     )
-    server.hand.width = settings.fci.hand.opening
-    tool = settings.fci.tool  # as set in Desk
+    server.hand.width = stated.hand.opening
+    tool = stated.tool  # as set in Desk
     server.robot.configuration = replace(
         server.robot.configuration, hand_mass=tool.mass, hand_centre=frozen(tool.centre)
     )

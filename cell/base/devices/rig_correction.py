@@ -149,9 +149,10 @@ class CorrectedArm:
         """Velocity (3,) [m/s, m/s, rad/s] of the rig's offsets as the arm moves at
         `rate`.
         """
-        if self._offsets.start is None or not 0 < self._offsets.fraction < 1:
+        start = self._offsets.start
+        if start is None or not 0 < self._offsets.fraction < 1:
             return np.zeros(3)
-        path = (self._reported - self._offsets.start)[:2]
+        path = (self._reported - start)[:2]
         outward = float(path @ (rate.vx, rate.vz)) / max(float(np.hypot(*path)), 1e-9)
         full = true_poses(self._rig, np.zeros(3), 1.0)
         return np.asarray(full * max(outward, 0.0) / LIFT_TRAVEL)

@@ -152,9 +152,10 @@ def _log_curve(
     recording: rr.RecordingStream, root: str, word: str, drawn: Scene
 ) -> None:
     """Log a measured curve as unconnected points, a simulated one as a line."""
-    if not (drawn.curve and len(drawn.curve.t)):
+    curve = drawn.curve
+    if not (curve and len(curve.t)):
         return
-    t, places = drawn.curve
+    t, places = curve
     depth = -DEPTHS[word]
     colour = CURVE_COLOURS[word]
     curves = [scene.at_depth(points, depth) for points in places]

@@ -103,7 +103,7 @@ def fit_starts(
     held = {effect.name: effect for effect in origin.effects}
     versions = ((c, held.get(c.name, c)) for c in candidates)
     freest = [max(both, key=lambda effect: len(effect.parameters)) for both in versions]
-    model = with_effects(base.model, score.names, freest)
+    model = _with_effects(base.model, score.names, freest)
     shared, _ = origin.values
     origin_point, *others = (
         Point(model.join(shared, v), origin.local) for v in score.starts
@@ -112,7 +112,7 @@ def fit_starts(
     return model, [(origin_point, secants), *((p, None) for p in others)]
 
 
-def with_effects(
+def _with_effects(
     model: Model, names: Sequence[str], candidates: Sequence[Candidate]
 ) -> Model:
     """Model of the base of `model` and those of `candidates` that have `names`, in

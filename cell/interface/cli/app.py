@@ -13,9 +13,8 @@ from cell.interface.cli.devices import camera, doctor
 from cell.interface.cli.exchange import export_runs, import_runs, observe
 from cell.interface.cli.fold import fold
 from cell.interface.cli.gap import gap
-from cell.interface.cli.learn import learn
 from cell.interface.cli.policies import benchmark, train, twin
-from cell.interface.cli.records import note, replay, report, runs, viz
+from cell.interface.cli.records import learn, note, replay, report, runs, viz
 from cell.interface.cli.strips import strips
 
 COMMANDS: dict[str, dict[str, Any]] = {

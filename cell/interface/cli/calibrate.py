@@ -347,13 +347,14 @@ def _use_calibration(
 
 def _print_board(settings: "CellFile", path: Path) -> None:
     """Write the calibration board as a PDF to `path`, and print how to use it."""
+    boards = settings.boards
     from calibration.board import print_board
 
-    sheet = print_board(settings.boards, path)
+    sheet = print_board(boards, path)
     print(
         f"{path}: print it on {sheet} at 100 %, glue it on something flat; all"
-        f" {settings.boards.columns} squares must measure"
-        f" {in_mm(settings.boards.width, 1)}"
+        f" {boards.columns} squares must measure"
+        f" {in_mm(boards.width, 1)}"
     )
 
 

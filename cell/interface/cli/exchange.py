@@ -211,13 +211,13 @@ def export_runs(
     """Write runs for other programs, with exact time stamps, or strips and what fits
     found as simulation models.
     """
-    from cell.interface.handover import export_fit, is_fit
+    from cell.interface.handover import export_fit
     from cell.record.exchange.export_runs import export_runs as convert
     from cell.setup.strips.export_strip import export_strips
 
     with busy("writing the files"):
         match kind:
-            case "ranges" | "mjcf" if kind == "ranges" or is_fit(runs[0]):
+            case "ranges" | "mjcf" if kind == "ranges" or Path(runs[0]).is_dir():
                 if len(runs) > 1:
                     raise ConfigurationError(
                         f"{runs[1]}: a fit is exported alone; give one folder"

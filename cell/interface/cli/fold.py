@@ -139,21 +139,22 @@ class FoldOptions:
         """Name of the strip; an unmeasured strip is named by its length and
         thickness.
         """
-        if (self.strip == "unknown") != (self.length is not None):
+        length = self.length
+        if (self.strip == "unknown") != (length is not None):
             raise ConfigurationError(
                 "--length: goes with `--strip unknown`, which needs it; other strips"
                 " have a file"
             )
-        if self.thickness is not None and self.length is None:
+        if self.thickness is not None and length is None:
             raise ConfigurationError(
                 "--thickness: goes with `--strip unknown`; other strips have a file"
                 " that states it"
             )
-        if self.length is None:
+        if length is None:
             return self.strip
         from cell.base.config.unmeasured_strip import unmeasured_name
 
-        return unmeasured_name(self.length, self.thickness)
+        return unmeasured_name(length, self.thickness)
 
     def close_edges(self) -> float | None:
         """Offset [m] of the edges at which `--until` ends a series of folds; None

@@ -219,6 +219,8 @@ def benchmark(given: BenchmarkOptions) -> None:
     Finished parts are kept in OUT: after an interruption run the command again to
     resume.
     """
+    out = given.out
+    picture = given.picture
     from rich.console import Console
 
     from cell.base.campaign.progress import Meter
@@ -229,8 +231,8 @@ def benchmark(given: BenchmarkOptions) -> None:
     from cell.studies.summary import claim_lines, tables
     from drivers.base.outputs import check_output
 
-    if given.picture is not None:
-        check_output(given.picture)
+    if picture is not None:
+        check_output(picture)
     found = find_configs(given.configs)
     names = (split(given.policies), split(given.strips))
     spec = BenchmarkSpec.build(
@@ -238,18 +240,18 @@ def benchmark(given: BenchmarkOptions) -> None:
     )
     workers = engine(given.jobs, given.cluster, PART_TIMEOUT)
     progress = Meter(Console(stderr=True), summarise)
-    with resumable(given.out, JOURNAL), progress as meter:
+    with resumable(out, JOURNAL), progress as meter:
         measure = partial(
             carry_out,
-            folder=given.out / JOURNAL,
+            folder=out / JOURNAL,
             engine=workers,
             meter=meter,
             again=given.again,
         )
-        results = measured(spec, found, given.runs or given.out / "runs", measure)
-    page = write_results(results, given.out)
-    if given.picture is not None:
-        write_main_picture(results, given.picture)
+        results = measured(spec, found, given.runs or out / "runs", measure)
+    page = write_results(results, out)
+    if picture is not None:
+        write_main_picture(results, picture)
     if given.as_json:
         print_json(*lines(results))
         return

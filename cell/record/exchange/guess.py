@@ -92,22 +92,18 @@ class Guess:
         """Line of the mapping file for `quantity`, with a remark on how sure the guess
         is.
         """
+        reason = self.reason
         stated: dict[str, object] = {"column": self.column, "unit": self.unit}
         stated |= {} if self.offset == 0.0 else {"offset": self.offset}
         stated |= {"reversed": True} if self.reversed else {}
         keys = ", ".join(
             f"{k}: {json.dumps(v, ensure_ascii=False)}" for k, v in stated.items()
         )
-        remark = (
-            f"{'' if self.reason in {BY_NAME, BY_CLOCK} else 'likely, '}by"
-            f" {self.reason}"
-        )
+        remark = f"{'' if reason in {BY_NAME, BY_CLOCK} else 'likely, '}by {reason}"
         if self.unit is None:
-            remark = f"open, not told by {self.reason}: {', '.join(units_of(quantity))}"
+            remark = f"open, not told by {reason}: {', '.join(units_of(quantity))}"
         elif self.offset is None:
-            remark = (
-                f"open, not told by {self.reason}: your value [m] of the cell's zero"
-            )
+            remark = f"open, not told by {reason}: your value [m] of the cell's zero"
         return f"    {quantity}: {{{keys}}}  # {remark}"
 
 

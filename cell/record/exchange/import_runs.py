@@ -432,11 +432,12 @@ def _profile(
     """Columns (n,) of the strip's points: t [s], i, x, z [m]; empty where none were
     measured.
     """
-    if how.profile is None:
+    profile = how.profile
+    if profile is None:
         return {name: np.empty(0) for name in ("t", "i", "x", "z")}
-    points = dict(read_columns(source, how.profile))
+    points = dict(read_columns(source, profile))
     stamps = points["t"] = points["t"] - begin
-    check_clock(stamps, t, f"{source.place(how.profile)}: t")
+    check_clock(stamps, t, f"{source.place(profile)}: t")
     if "i" not in points:  # numbered within each image, in the order of the file
         rows = np.arange(len(stamps), dtype=np.float64)
         begins = np.diff(stamps, prepend=np.nan) != 0.0  # a NaN counts as a change

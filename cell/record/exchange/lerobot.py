@@ -4,8 +4,8 @@ The data set's clock is nominal, `frame_index / fps`; the exact stamps are the f
 `stamp`, and those of the images `measured.contact_stamp` and `measured.profile_stamp`.
 What belongs to the frame nearest to its image is NaN in all others: it stands under
 `measured`, which no policy takes as its state. Where all runs were filmed, a frame has
-the newest image, of `measured.camera_stamp`. `meta/cell.json` tells the geometry of the
-cell and the verdict on each run.
+the newest image, of `measured.camera_stamp`. `meta/cell.json` tells what is known of
+each run: the geometry of its cell, its calibration and its result.
 """
 
 import json
@@ -30,7 +30,7 @@ from cell.record.exchange.mapping import (
     mapping_of,
     stored_mapping,
 )
-from cell.record.files import CALIBRATION, FILM
+from cell.record.files import FILM
 from cell.record.film import Film, FilmWriter
 from cell.record.run import Run
 from cell.record.tables import place_rows, unnest, write_parquet
@@ -61,7 +61,8 @@ MEASURED = re.compile(r"observation\.(?=contact|profile_|camera_stamp)")  # of o
 STATISTICS: dict[str, Callable[[Array], Any]]
 STATISTICS = {"min": np.min, "max": np.max, "mean": np.mean, "std": np.std}
 STATISTICS |= {f"q{p:02d}": partial(np.percentile, q=p) for p in (1, 10, 50, 90, 99)}
-ABOUT, ABOUT_VERSION = "meta/cell.json", 2  # 1 had actions without pitch and hand
+# 1 had actions without pitch and hand, 2 a choice of what is known of a run
+ABOUT, ABOUT_VERSION = "meta/cell.json", 3
 
 
 class Feature(NamedTuple):
@@ -115,19 +116,15 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
 
 
 def _about(runs: Sequence[Run]) -> dict[str, Any]:
-    """Contents of meta/cell.json: of each run its camera, arm and outcome."""
-    found: dict[str, Any] = {}
-    for run in runs:
-        result, config = run.result, run.header.config or {}
-        agreement = result and result.agreement
-        calibration = documents_of(run)[CALIBRATION].decode()
-        found[run.name] = {
-            "mounting": config.get("installation", {}).get("mounting"),
-            "calibration": parse_yaml(calibration or "{}", CALIBRATION),
-            "outcome": result and result.outcome,
-            "displacement": result and result.displacement,
-            "like_model": agreement and agreement.like_model,
+    """Contents of meta/cell.json: of each run its documents."""
+    found = {
+        run.name: {
+            name: parse_yaml(content.decode(), name)
+            for name, content in documents_of(run).items()
+            if content
         }
+        for run in runs
+    }
     return {"format": "folding-cell lerobot", "version": ABOUT_VERSION, "runs": found}
 
 

@@ -47,7 +47,7 @@ def open_recording(
     if live:
         memory = SERVER_MEMORY
         servers = [
-            rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=memory)
+            rr.GrpcServerSink("127.0.0.1", _free_port(), server_memory_limit=memory)
         ]
     with saving(recording, path, *servers):
         for server in servers if has_screen() else ():
@@ -71,7 +71,7 @@ def open_viewer(address: str) -> None:
     subprocess.Popen([*command, *arguments], start_new_session=True, **quiet)  # noqa: S603  ours
 
 
-def free_port() -> int:
+def _free_port() -> int:
     """Number of a free TCP port on the loopback: that on which a viewer looks, if it
     is.
     """

@@ -75,7 +75,8 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
     first.
     """
     ticks = run.ticks
-    pictures = pictures_of(run)
+    t = ticks.t
+    pictures = _pictures_of(run)
     before, first = None, next(pictures, None)
     while first is not None and first.stamp < 0:
         before, first = first, next(pictures, None)
@@ -89,18 +90,18 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
     outlook = Outlook.from_events(run.events())
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     news = zip(
-        _newest_at(ticks.t, ((each.stamp, each) for each in run.measurements())),
+        _newest_at(t, ((each.stamp, each) for each in run.measurements())),
         _newest_at(
-            ticks.t,
+            t,
             ((read_at.get(each.sequence, each.stamp), each.image) for each in later),
         ),
-        _newest_at(ticks.t, zip(outlook.t, outlook.rows, strict=True)),
+        _newest_at(t, zip(outlook.t, outlook.rows, strict=True)),
         strict=True,
     )
     for row, (measurement, image, prediction) in enumerate(news):
         yield TickView(
-            clock=float(ticks.t[row]) + origin,
-            t=float(ticks.t[row]),
+            clock=float(t[row]) + origin,
+            t=float(t[row]),
             tick=row,
             state=ticks.state[row] if ticks.state else "",
             pose=poses[row],
@@ -110,7 +111,7 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
         )
 
 
-def pictures_of(run: Run) -> Iterator[Frame]:
+def _pictures_of(run: Run) -> Iterator[Frame]:
     """Yield images of a run at most every PICTURE_PERIOD: of its film, or else those
     kept.
 

@@ -21,6 +21,7 @@ from cell.record.events import COLUMN_NAMES
 from cell.record.files import JOINTS, RECORDING, RUN, is_under_way
 from cell.record.run import Run, read_broken_run
 from cell.report.figures import PANELS, READING, STATE_SHADES
+from cell.report.html import jpeg
 from cell.report.page_verdict import verdict_of, weights
 from cell.report.viz import saving, scene
 from cell.report.viz.opening import open_recording
@@ -193,7 +194,7 @@ class RerunWriter:
 
     def begin(self, run: Run) -> None:
         """Draw what stands still in a `run`."""
-        cell = installation_of(run)
+        cell = _installation_of(run)
         self._has_joints = (run.folder / JOINTS).is_file()
         desk = scene.surroundings(self._length, self._width, cell)
         bodies = {**desk, **scene.hand_bodies()}
@@ -220,15 +221,16 @@ class RerunWriter:
         """Send what still waits, and add what is known of a `run` at its end."""
         self._send()
         self._draw_arm(run)
-        self._to.log(VERDICT, saving.document(verdict_text(run)), static=True)
+        self._to.log(VERDICT, saving.document(_verdict_text(run)), static=True)
 
     def _draw_tick(self, tick: TickView) -> None:
         """Draw what changed in a tick: state, image, measurement, prediction and
         motion.
         """
-        if tick.state and tick.state != self._state:
-            self._state = tick.state
-            self._add(STATE, _state_columns, tick, tick.state)
+        state = tick.state
+        if state and state != self._state:
+            self._state = state
+            self._add(STATE, _state_columns, tick, state)
         if tick.image is not None:
             self._draw_picture(tick, tick.image)
         is_due = tick.tick % TICKS_BETWEEN_POSES == 0
@@ -262,7 +264,7 @@ class RerunWriter:
         """Draw an image, and what was read in it, if it was."""
         moment = tick if self._has_picture else replace(tick, t=0.0)
         self._has_picture = True
-        picture = saving.jpeg(image, PICTURE_WIDTH)
+        picture = jpeg(image, PICTURE_WIDTH)
         self._add(PICTURE, _picture_columns, moment, picture)
         seen = tick.measurement
         if seen is None or self._calibration is None:
@@ -319,7 +321,7 @@ class RerunWriter:
         names = [f"q_{joint}" for joint in range(1, 8)]
         t = table["t"].to_numpy()[::ARM_STEP]
         q = np.column_stack([table[name].to_numpy()[::ARM_STEP] for name in names])
-        frames = scene.arm_frames(q, installation_of(run), self._width)
+        frames = scene.arm_frames(q, _installation_of(run), self._width)
         for entity, body in scene.arm_bodies().items():
             self._to.log(entity, body, static=True)
         times = _times(np.maximum(t, 0.0), t + run.origin())
@@ -393,14 +395,14 @@ def layout(
     return saving.blueprint(views, live=live)
 
 
-def verdict_text(run: Run) -> str:
+def _verdict_text(run: Run) -> str:
     """Verdict on `run`, whole, in Markdown."""
     verdict = verdict_of(run)
     numbers = (f"**{n.text}** {n.name}: {n.tolerance}" for n in weights(run, {}))
     return "\n\n".join([f"## {verdict.headline}", *numbers, *verdict.sentences])
 
 
-def installation_of(run: Run) -> Installation:
+def _installation_of(run: Run) -> Installation:
     """Installation of the arm with which `run` was recorded, or else a usual one."""
     stated = (run.header.config or {}).get("installation", {})
     return parse(stated, Installation, f"{run.folder / RUN}: config: installation")

@@ -8,14 +8,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import cv2
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun import bindings
 from rerun.blueprint.components import LoopMode, PlayState
 
 from drivers.base.files import replace_file
-from drivers.base.types import Image
 
 
 @contextmanager
@@ -109,12 +107,3 @@ def curves(origin: str, name: str, *, axis: Any = None, left: bool = False) -> A
 def document(text: str) -> Any:
     """Text in Markdown."""
     return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-
-
-def jpeg(image: Image, width: int | None = None) -> bytes:
-    """Compress `image` (h, w, 3) BGR as a JPEG, `width` [px] wide if it is given."""
-    if width is not None:
-        size = (width, round(image.shape[0] * width / image.shape[1]))
-        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    _, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 70])
-    return bytes(content)

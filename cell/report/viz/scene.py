@@ -12,6 +12,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from calibration.calibration import Calibration
 from drivers.base.geometry import EDGE_AHEAD, CellInRobot, arc_lengths
@@ -267,20 +268,12 @@ def _capsules(rods: Sequence[Capsule]) -> Any:
         lengths=lengths,
         radii=[rod.radius for rod in rods],
         translations=[rod.start for rod in rods],
-        quaternions=[_turn_from_z(span) for span in spans],
+        quaternions=[
+            Rotation.align_vectors(span, (0.0, 0.0, 1.0))[0].as_quat() for span in spans
+        ],
         colors=[rod.rgb for rod in rods],
         fill_mode=SOLID,
     )
-
-
-def _turn_from_z(span: Array) -> Array:
-    """Quaternion (4,), x y z w, that turns the z-axis into the direction `span`
-    (3,).
-    """
-    x, y, z = span / np.linalg.norm(span)
-    turn = np.array([-y, x, 0.0, 1.0 + z])
-    size = np.linalg.norm(turn)
-    return np.array([1.0, 0.0, 0.0, 0.0]) if size < 1e-9 else turn / size
 
 
 def _box(low: ArrayLike, high: ArrayLike, rgb: Sequence[int]) -> Any:

@@ -62,15 +62,16 @@ class LiveView:
 
     def handle_tick(self, snapshot: Snapshot) -> None:
         """Queue the state of the cell at a tick for drawing."""
+        predicted = snapshot.predicted
         measurement = snapshot.view.measurement
         if measurement is not None and measurement.sequence == self._sequence:
             measurement = None
         if measurement is not None:
             self._sequence = measurement.sequence
         outlook = None
-        if snapshot.predicted is not None and snapshot.predicted is not self._predicted:
-            outlook = row_of(asdict(snapshot.predicted))
-        self._predicted = snapshot.predicted
+        if predicted is not None and predicted is not self._predicted:
+            outlook = row_of(asdict(predicted))
+        self._predicted = predicted
         self._ticks += 1
         self._put(
             TickView(
@@ -105,16 +106,13 @@ class LiveView:
         """Newest image (h, w, 3) of `snapshot`, if one is due and drawing keeps up;
         else None.
         """
-        if (
-            not snapshot.view.fresh
-            or snapshot.view.frame is None
-            or snapshot.time < self._next_image
-        ):
+        frame = snapshot.view.frame
+        if not snapshot.view.fresh or frame is None or snapshot.time < self._next_image:
             return None
         self._next_image = snapshot.time + PICTURE_PERIOD
         waiting = (item for item in self._waiting.copy() if isinstance(item, TickView))
         late = sum(item.image is not None for item in waiting) >= IMAGES_WAITING
-        return None if late else snapshot.view.frame.image
+        return None if late else frame.image
 
     def _put(self, item: TickView | LogLine) -> None:
         """Queue `item` for drawing."""
@@ -126,6 +124,7 @@ class LiveView:
         """Draw the queue until the run is over; Rerun is imported here, during the
         run.
         """
+        waiting = self._waiting
         from cell.record.run import read_broken_run
         from cell.report.viz.opening import open_recording
         from cell.report.viz.recording import RerunWriter, layout
@@ -137,15 +136,15 @@ class LiveView:
             with open_recording("cell", target, views, live=True) as recording:
                 screen = RerunWriter(recording, calibration, strip)
                 screen.begin(read_broken_run(folder))
-                while self._waiting or not self._over.is_set():
+                while waiting or not self._over.is_set():
                     self._news.wait()
                     self._news.clear()
-                    while self._waiting:
-                        screen.draw(self._waiting.popleft())
+                    while waiting:
+                        screen.draw(waiting.popleft())
                 screen.finish(read_broken_run(folder))
         except (CellError, OSError, RuntimeError, ValueError) as error:
             self.failure = f"the view is not recorded any more: {error}"
-            self._waiting.clear()
+            waiting.clear()
 
 
 @contextmanager

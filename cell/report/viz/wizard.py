@@ -12,6 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from calibration.wizard.progress import COLOURS_BGR, Progress
+from cell.report.html import jpeg
 from cell.report.viz import saving
 from cell.report.viz.opening import open_recording
 from drivers.base.types import Image
@@ -47,6 +48,7 @@ class WizardScreen:
         """Draw one step of the wizard: the request, the image with marks, and the
         coverage.
         """
+        result = step.result
         self._count += 1
         self._to.set_time("step", sequence=self._count)
         if step.frame is not None:
@@ -54,19 +56,20 @@ class WizardScreen:
         self._to.log("wizard/words", saving.document(_words(step)))
         self._draw_coverage(step)
         self._draw_marks(step)
-        if step.result is not None and step.result.refused is not None:
-            self._to.log("wizard/log", rr.TextLog(step.result.answer))
+        if result is not None and result.refused is not None:
+            self._to.log("wizard/log", rr.TextLog(result.answer))
 
     def _draw_image(self, image: Image) -> None:
         """Draw an image; the first one stands from the first step on."""
-        content = saving.jpeg(image)
+        to = self._to
+        content = jpeg(image, image.shape[1])
         picture = rr.EncodedImage(contents=content, media_type="image/jpeg")
-        self._to.log("camera/image", picture)
+        to.log("camera/image", picture)
         if not self._has_image:
             self._has_image = True
-            self._to.set_time("step", sequence=1)
-            self._to.log("camera/image", picture)
-            self._to.set_time("step", sequence=self._count)
+            to.set_time("step", sequence=1)
+            to.log("camera/image", picture)
+            to.set_time("step", sequence=self._count)
 
     def _draw_coverage(self, step: Progress) -> None:
         """Draw how much of each of the wizard's gates is reached."""
@@ -79,23 +82,25 @@ class WizardScreen:
         """Draw what was found in the image, and what is wanted; clear what is not any
         more.
         """
+        marks = step.marks
+        log = self._to.log
         corners = None if step.sketch is None else step.sketch.wanted
         if corners is None:
-            self._to.log("camera/image/wanted", rr.Clear(recursive=False))
+            log("camera/image/wanted", rr.Clear(recursive=False))
         else:
             outline = np.vstack([corners, corners[:1]])
             line = rr.LineStrips2D(
                 [outline], colors=WANTED_RGBA, radii=3, labels=["wanted"]
             )
-            self._to.log("camera/image/wanted", line)
-        if not step.marks:
-            self._to.log("camera/image/marks", rr.Clear(recursive=False))
+            log("camera/image/wanted", line)
+        if not marks:
+            log("camera/image/marks", rr.Clear(recursive=False))
             return
-        pixels = np.array([mark.pixel for mark in step.marks])
-        colours = [COLOURS_BGR[mark.kind][::-1] for mark in step.marks]
-        names = [mark.label for mark in step.marks if mark.label]
+        pixels = np.array([mark.pixel for mark in marks])
+        colours = [COLOURS_BGR[mark.kind][::-1] for mark in marks]
+        names = [mark.label for mark in marks if mark.label]
         points = rr.Points2D(pixels, colors=colours, labels=names or None, radii=4)
-        self._to.log("camera/image/marks", points)
+        log("camera/image/marks", points)
 
 
 def _words(step: Progress) -> str:

@@ -35,16 +35,17 @@ class ArmPrediction:
         """JSON object of the arm's prediction, a part of `cell fold --dry-run
         --json`.
         """
+        reach = self.reach
         return {
             "reachable": self.allowed,
-            "hand_turned": self.reach.turned,
-            "joint_margin": round(self.reach.margin, 4),
-            "narrowest_joint": self.reach.joint,
-            "start_joints": [round(q, 4) for q in self.reach.start.tolist()],
+            "hand_turned": reach.turned,
+            "joint_margin": round(reach.margin, 4),
+            "narrowest_joint": reach.joint,
+            "start_joints": [round(q, 4) for q in reach.start.tolist()],
             "clearance": (
                 round(self.clearance, 4) if np.isfinite(self.clearance) else None
             ),
-            "problems": [str(problem) for problem in self.reach.problems],
+            "problems": [str(problem) for problem in reach.problems],
         }
 
     def text(self) -> str:

@@ -81,14 +81,15 @@ def robot_task(settings: CellFile) -> "RobotAccess":
     """Connection to the robot of the cell; ConfigurationError where cell.yaml has no
     address.
     """
+    fci = settings.fci
     check_drivers(settings.with_drivers("fci"))
-    if settings.fci.address is None:
+    if fci.address is None:
         raise ConfigurationError(
             "fci.address: is missing; name the robot's address in cell.yaml, or that of"
             " a twin that `cell twin serve` has started"
         )
     from drivers.franka.process import RobotAccess
 
-    limits = joint_limits(settings.fci)
-    address = settings.fci.address
-    return RobotAccess(address, settings.fci, settings.installation, limits)
+    limits = joint_limits(fci)
+    address = fci.address
+    return RobotAccess(address, fci, settings.installation, limits)

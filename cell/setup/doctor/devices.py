@@ -128,6 +128,7 @@ def camera_stream(settings: CellFile) -> Check:
 
 def calibration(settings: CellFile, *, on_twin: bool) -> Check:
     """Check whether the calibration exists and is plausible and recent enough."""
+    calibration_days = settings.calibration_days
     why = "everything that the camera sees is measured by it"
     remedy = (
         "run `cell calibrate camera` and `cell calibrate homography`, name the file"
@@ -139,12 +140,12 @@ def calibration(settings: CellFile, *, on_twin: bool) -> Check:
     try:
         made = load_calibration(Path(settings.calibration))
         now = datetime.now(UTC)
-        check_current(made, settings.calibration_days, now, on_twin=on_twin)
+        check_current(made, calibration_days, now, on_twin=on_twin)
     except CellError as error:
         return Check("calibration", FAIL, str(error), why, remedy)
     age = age_days(made, now)
-    found = f"{made.id}, {age:.0f} of {settings.calibration_days:.0f} days old"
-    doubted = not on_twin and age > EXPIRING * settings.calibration_days
+    found = f"{made.id}, {age:.0f} of {calibration_days:.0f} days old"
+    doubted = not on_twin and age > EXPIRING * calibration_days
     if made.accepted_anyway:
         doubted, found = True, f"{found}, accepted although refused"
     return Check("calibration", WARN if doubted else PASS, found, why, remedy)
@@ -207,7 +208,7 @@ def measure_link(address: str, seconds: float) -> NetworkLink:
     In a process of its own: reading blocks, and the client library changes the
     scheduler of the process that connects.
     """
-    child = Child(read_states, address, seconds)
+    child = Child(_read_states, address, seconds)
     try:
         link: NetworkLink | None = child.receive(seconds + STARTING)
     except ChildDied as died:
@@ -220,7 +221,7 @@ def measure_link(address: str, seconds: float) -> NetworkLink:
     return link
 
 
-def read_states(pipe: Connection, address: str, seconds: float) -> None:
+def _read_states(pipe: Connection, address: str, seconds: float) -> None:
     """Main function of the measuring process: read states for `seconds`, send
     statistics.
     """

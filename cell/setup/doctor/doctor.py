@@ -68,6 +68,7 @@ def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
     """Yield checks of library, kernel of a real arm, robot and network; the last need
     the first.
     """
+    realtime = settings.fci.realtime
     address = settings.robot_address
     if address is None:
         yield Check(
@@ -77,8 +78,8 @@ def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
     installed = devices.library()
     yield installed
     if settings.has_real_arm:
-        yield machine.kernel(settings.fci.realtime)
-        yield machine.priority(settings.fci.realtime)
+        yield machine.kernel(realtime)
+        yield machine.priority(realtime)
         yield machine.throttling()
         yield machine.governor()
     if installed.state is PASS:

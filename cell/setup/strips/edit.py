@@ -108,9 +108,10 @@ def put_into(path: Path, measurement: Measurement, today: date) -> None:
     """Write the measured bending length and its provenance into the strip file at
     `path`.
     """
+    fits = measurement.bending.fits
     pooled = measurement.bending_length
-    overhangs = sorted({each.photograph.overhang for each in measurement.bending.fits})
-    count = len(measurement.bending.fits)
+    overhangs = sorted({each.photograph.overhang for each in fits})
+    count = len(fits)
     source = (
         f"cantilever test, {count} photograph{'s' * (count > 1)} at overhangs of"
         f" {', '.join(f'{each:g}' for each in overhangs)} m, measured"

@@ -122,7 +122,7 @@ class Bending:
         return pool(values, sigmas)
 
 
-def measure_bending(photographs: Sequence[Photograph]) -> Bending:
+def _measure_bending(photographs: Sequence[Photograph]) -> Bending:
     """Fit the bending length to all photographs, with a common prior of the rest
     curvature.
     """
@@ -137,9 +137,9 @@ def measure_bending(photographs: Sequence[Photograph]) -> Bending:
     return Bending(
         fits=fits,
         straight=straight,
-        bending_length=pool_lengths(fits),
+        bending_length=_pool_lengths(fits),
         by_overhang=tuple(
-            (overhang, pool_lengths(list(group))) for overhang, group in groups
+            (overhang, _pool_lengths(list(group))) for overhang, group in groups
         ),
     )
 
@@ -151,7 +151,7 @@ def evidence(fits: Sequence[Fit]) -> float:
     return sum(fitted.evidence for fitted in fits)
 
 
-def pool_lengths(fits: Sequence[Fit]) -> Pooled:
+def _pool_lengths(fits: Sequence[Fit]) -> Pooled:
     """Pooled bending length [m] of the `fits`, averaged by logarithms."""
     logs = pool(
         [float(np.log(f.bending_length)) for f in fits], [f.sigma for f in fits]
@@ -283,7 +283,7 @@ def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
     """Measure the bending length of `strip` from photographs of it hanging over a
     ledge.
     """
-    bending = measure_bending(photographs)
+    bending = _measure_bending(photographs)
     for fit in bending.fits:
         _require_hanging_strip(fit)
         _require_plausible_length(fit)

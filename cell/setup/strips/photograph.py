@@ -280,7 +280,7 @@ def read_photograph(path: Path, overhang: float) -> Photograph:
     )
     arc = np.linspace(0.0, travel[-1], count)
     points = _average_points(traced, travel, arc)
-    sigma = CORRELATION * max(roughness(points), PRECISION * midline.width)
+    sigma = CORRELATION * max(_roughness(points), PRECISION * midline.width)
     ends = np.minimum(arc, travel[-1] - arc) < UNSURE_END * midline.width
     return Photograph(
         path=path,
@@ -335,7 +335,7 @@ def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
     return means
 
 
-def roughness(points: Array) -> float:
+def _roughness(points: Array) -> float:
     """Robust deviation [px] of midline `points` (n, 2) [px] from parabolas through
     neighbours.
     """

@@ -46,13 +46,12 @@ class Span:
 
     def sample(self, rng: np.random.Generator, length: float) -> float:
         """Random value of the distribution, for a strip of `length` [m]."""
+        lowest = self.low
         if self.log:
-            value = float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
+            value = float(np.exp(rng.uniform(np.log(lowest), np.log(self.high))))
         else:
             value = (
-                self.low
-                if self.low == self.high
-                else float(rng.uniform(self.low, self.high))
+                lowest if lowest == self.high else float(rng.uniform(lowest, self.high))
             )
         return value * length if self.of_length else value
 

@@ -48,11 +48,12 @@ def fit_length(
     from above. Until then its ends do not slide and it is kept inextensible: fabric
     buckles, where a rod may stay straight and compressed.
     """
+    grip = batch.grip
     slack = batch.arc[:, -1] - np.array([model.stated_length for model in models])
     is_short, is_long = slack < 0, slack > 0
-    goal = batch.grip - slack[:, None] * (1.0, 0.0, 0.0)
-    _stretch(batch, goal[:, 0] / batch.grip[:, 0], is_short)
-    batch.grip[is_short] = goal[is_short]
+    goal = grip - slack[:, None] * (1.0, 0.0, 0.0)
+    _stretch(batch, goal[:, 0] / grip[:, 0], is_short)
+    grip[is_short] = goal[is_short]
     if is_long.any():
         rigid = batch._replace(nature=_rigid_nature(batch, models))
         settle(end_strips(rigid, ~is_long), _wave_path(batch, goal, slack, steps))

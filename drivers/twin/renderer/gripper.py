@@ -54,7 +54,7 @@ def outlines(scene: WorldState, middle: float, floor: float) -> list[Outline]:
     pose = scene.gripper.as_array()[None]
     placed = []
     for corners, depth, shade in parts:
-        seen = clip_above(side_view(corners, pose)[0], floor)
+        seen = _clip_above(side_view(corners, pose)[0], floor)
         if len(seen) > 2:
             half = depth / 2
             placed.append(Outline(seen, middle - half, middle + half, shade))
@@ -139,7 +139,7 @@ def extent(
     return np.concatenate(bounds)
 
 
-def clip_above(outline: Array, floor: float) -> Array:
+def _clip_above(outline: Array, floor: float) -> Array:
     """Part (m, 2) of a convex `outline` (n, 2) of x, z [m] that lies above `floor`
     [m].
     """

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -45,12 +45,17 @@ def how(place: Path, file: str, names: tuple[str, ...], **change: Any) -> Path:
     return in_metres(place, ticks=table, profile=table, result=None)
 
 
-def off(files: list[Path], mapping: Path, out: Path) -> float:
-    """Largest difference of the imported run from the motion that was written [s,
-    m].
-    """
-    ticks = read_run(*import_runs(files, mapping, out)).ticks
-    return float(np.abs(np.subtract([ticks.t, ticks.x, ticks.z], [T, X, Z])).max())
+def bring(place: Path, path: Path, names: Any = "txz", file: str = "tip.csv") -> None:
+    """Import the motion that was written, t, x and z by their `names`: it comes back."""
+    mapping = how(place, file, tuple(names))
+    right(import_runs([path], mapping, place / f"runs of {names[2]}"))
+
+
+def right(made: Sequence[Path]) -> None:
+    """The one run that was made is the motion that was written."""
+    ticks = read_run(*made).ticks
+    off = np.abs(np.subtract([ticks.t, ticks.x, ticks.z], [T, X, Z]))
+    assert off.max() < 1e-6
 
 
 def pose(at: int, x: float, z: float) -> PoseInFrame:
@@ -129,14 +134,14 @@ def test_messages_of_other_programs_are_read(tmp_path, write, names, change) -> 
     path = tmp_path / "a.mcap"
     write(path)
     mapping = how(tmp_path, "/tip", names, **change)
-    assert off([path], mapping, tmp_path / "runs") < 1e-6
+    right(import_runs([path], mapping, tmp_path / "runs"))
 
 
 def test_an_encoding_that_is_not_read_is_named(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     mixed(path, ("cbor",))
     with refusal("topic '/tip': its messages are cbor"):
-        import_runs([path], how(tmp_path, "/tip", "txz"), tmp_path)
+        bring(tmp_path, path, file="/tip")
 
 
 def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) -> None:
@@ -149,7 +154,7 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
     (root / "meta/info.json").write_text(json.dumps(info))
     (root / "data/chunk-000/file-000.parquet").rename(root / "frames-0000-0.parquet")
     names = ("timestamp", *(f"observation.state.{motor}" for motor in motors))
-    assert off([root], how(tmp_path, "episode", names), tmp_path / "back") < 1e-6
+    bring(tmp_path, root, names, "episode")
     (root / "meta/info.json").write_text(
         json.dumps(info | {"data_path": "../{file_index}"})
     )
@@ -200,7 +205,7 @@ def test_comments_separators_and_times_of_a_table_are_read(
     folder = plain(
         tmp_path / "a", head.format(T[0], X[0], Z[0]), rows, encoding="cp1252"
     )
-    assert off([folder], in_metres(tmp_path), tmp_path / "runs") < 1e-6
+    bring(tmp_path, folder)
 
 
 def test_names_of_a_heading_with_numbers_are_those_of_its_rows(tmp_path) -> None:
@@ -213,26 +218,24 @@ def test_names_of_a_heading_with_numbers_are_those_of_its_rows(tmp_path) -> None
 Frame,Time (Seconds),X,Y"""
     rows = [f"{i},{t:.3f},{x:f},{z:f}" for i, (t, x, z) in enumerate(MOTION)]
     names = ("Time (Seconds)", "Body tip 7 Position X", "Body tip 7 Position Y")
-    folder = plain(tmp_path / "a", head, rows)
-    assert off([folder], how(tmp_path, "tip.csv", names), tmp_path / "runs") < 1e-6
+    bring(tmp_path, plain(tmp_path / "a", head, rows), names)
 
 
 def test_columns_without_names_have_numbers_and_doubled_ones_too(tmp_path) -> None:
     rows = [f"{t:.3f} {x:f} {z:f}" for t, x, z in MOTION]
     bare = plain(tmp_path / "a", rows[0], rows[1:])
-    assert off([bare], how(tmp_path, "tip.csv", tuple("012")), tmp_path / "runs") < 1e-6
+    bring(tmp_path, bare, "012")
     doubled = plain(tmp_path / "b", "t q q", rows)
-    names = ("t", "q (1)", "q (2)")
-    assert off([doubled], how(tmp_path, "tip.csv", names), tmp_path / "runs") < 1e-6
+    bring(tmp_path, doubled, ("t", "q (1)", "q (2)"))
     with refusal("stands there 2 times; write 'q' with"):
-        off([doubled], how(tmp_path, "tip.csv", ("t", "q", "q")), tmp_path / "again")
+        bring(tmp_path, doubled, "tqq")
 
 
 def test_a_unit_in_the_cells_is_that_of_the_mapping(tmp_path) -> None:
     rows = [f"{t:.3f},{1e3 * x:f} mm,{z:f}" for t, x, z in MOTION]
     folder = plain(tmp_path / "a", "t,x,z", rows)
     with refusal(r"its cells are in mm, .*write unit: mm"):
-        off([folder], how(tmp_path, "tip.csv", tuple("txz")), tmp_path / "runs")
+        bring(tmp_path, folder)
 
 
 def test_a_clock_that_was_set_back_is_no_matter_of_sorting(tmp_path) -> None:
@@ -251,11 +254,7 @@ def test_a_clock_that_was_set_back_is_no_matter_of_sorting(tmp_path) -> None:
     path = tmp_path / "a.mcap"
     log(path, [(t - (t > 2.0), {"q": 0.0}) for t in T])
     with refusal("set back after 2 s: cut the recording"):
-        import_runs(
-            [path],
-            how(tmp_path, "/tip", ("log_time", "q", "q")),
-            tmp_path / "runs",
-        )
+        bring(tmp_path, path, ("log_time", "q", "q"), "/tip")
 
 
 def log(path: Path, messages: list[tuple[float, Any]]) -> None:
@@ -294,9 +293,8 @@ def test_parts_of_a_list_are_found_by_their_names(tmp_path, state) -> None:
     ticks = read_run(made).ticks
     assert np.allclose([ticks.t, ticks.x, ticks.z], [T, X, Z], atol=1e-6)
     assert "300 of 600" in told[0]
-    by_position = how(tmp_path, "/tip", ("log_time", "position.0", "position.1"))
     with refusal(r"later|not there"):
-        import_runs(files, by_position, tmp_path / "again")
+        bring(tmp_path, *files, ("log_time", "position.0", "position.1"), "/tip")
 
 
 def test_names_in_the_rows_of_a_table_tell_its_parts(tmp_path) -> None:
@@ -306,26 +304,22 @@ def test_names_in_the_rows_of_a_table_tell_its_parts(tmp_path) -> None:
         for i, (t, x, z) in enumerate(MOTION)
     ]
     head = "%time,field.name0,field.name1,field.position0,field.position1"
-    folder, names = (
-        plain(tmp_path / "a", head, rows),
-        ("time", "field.position.along", "field.position.up"),
-    )
-    assert off([folder], how(tmp_path, "tip.csv", names), tmp_path / "runs") < 1e-6
-    names = ("time", "field.position0", "field.position1")
+    folder = plain(tmp_path / "a", head, rows)
+    bring(tmp_path, folder, ("time", "field.position.along", "field.position.up"))
     with refusal(r"choose parts by their names: field.position"):
-        off([folder], how(tmp_path, "tip.csv", names), tmp_path / "again")
+        bring(tmp_path, folder, ("time", "field.position0", "field.position1"))
 
 
 def test_a_folder_of_rosbag2_is_its_recording_in_all_parts(tmp_path) -> None:
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag/metadata.yaml").write_text("rosbag2_bagfile_information: {}")
-    mapping = how(tmp_path, "/tip", ("log_time", "x", "z"))
+    names = ("log_time", "x", "z")
     with refusal(r"without an .mcap file; convert it"):
-        import_runs([tmp_path / "bag"], mapping, tmp_path / "runs")
+        bring(tmp_path, tmp_path / "bag", names, "/tip")
     messages = [(t, {"x": x, "z": z}) for t, x, z in MOTION]
     log(tmp_path / "bag/bag_0.mcap", messages[:150])
     log(tmp_path / "bag/bag_1.mcap", messages[150:])
-    assert off([tmp_path / "bag"], mapping, tmp_path / "runs") < 1e-6
+    bring(tmp_path, tmp_path / "bag", names, "/tip")
 
 
 @pytest.mark.parametrize("file", ["tip.csv", "*.csv"])
@@ -425,8 +419,7 @@ def test_what_is_too_wide_is_refused_by_its_count_and_soon(tmp_path, file) -> No
         path.write_text("\n".join([head, *["0," * 8_999 + "0"] * 30]))
     else:
         pq.write_table(pa.table({"t": [0.0], "x": [[0.0] * 200_000]}), path)
-    mapping = how(tmp_path, "/tip" if file == "a.mcap" else file, tuple("txz"))
     began = time.process_time()
     with refusal(r"holds \d+ columns, at most 4096"):
-        import_runs([path], mapping, tmp_path / "runs")
+        bring(tmp_path, path, file="/tip" if file == "a.mcap" else file)
     assert time.process_time() - began < 2.0

@@ -130,10 +130,11 @@ def test_one_run_is_forgotten_and_all_others_are_kept(
 
 
 def test_switched_off_stays_off_until_switched_on(memory: Memory) -> None:
+    parent = memory.path.parent
     memory.switch(on=False)
-    assert Memory("cell", memory.path.parent).is_off
+    assert Memory("cell", parent).is_off
     memory.switch(on=True)
-    assert not Memory("cell", memory.path.parent).is_off
+    assert not Memory("cell", parent).is_off
 
 
 @pytest.mark.parametrize(

@@ -39,13 +39,14 @@ class Folds:
         self.trials: list[tuple[int, int]] = []
 
     def __call__(self, request: Request, *_: object) -> FoldResult:
+        seed = request.trial.seed
         number = len(self.trials)
-        self.trials.append((request.trial.index, request.trial.seed))
+        self.trials.append((request.trial.index, seed))
         request.runs.mkdir(parents=True, exist_ok=True)
         end = self.ends.get(number, DONE)
         if isinstance(end, type):
             raise end
-        return replace(end, run=str(request.runs / str(request.trial.seed)))
+        return replace(end, run=str(request.runs / str(seed)))
 
     def look(self) -> list[tuple[int, int]]:
         seen, self.trials, self.ends = self.trials, [], {}

@@ -131,8 +131,9 @@ class Watch:
         self._bench, self._rested = bench, rested
 
     def handle_tick(self, snapshot) -> None:
-        if snapshot.view.stale_since is not None:
-            waited = snapshot.time - snapshot.view.stale_since
+        stale_since = snapshot.view.stale_since
+        if stale_since is not None:
+            waited = snapshot.time - stale_since
             if waited >= BRAKES:
                 self._rested.append(self._bench.at_rest)
 

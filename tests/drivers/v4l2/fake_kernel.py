@@ -320,15 +320,16 @@ class FakeKernel:
     _s_parm = _g_parm
 
     def _queryctrl(self, fd: int, said: ControlQuery) -> None:
+        knobs = self.knobs
         after = said.id & ~ControlFlag.NEXT
-        found = sorted((knob.number, name) for name, knob in self.knobs.items())
+        found = sorted((knob.number, name) for name, knob in knobs.items())
         name = next((name for number, name in found if number > after), None)
         if name is None:
             raise _error(errno.EINVAL)
-        knob = self.knobs[name]
+        knob = knobs[name]
         said.id, said.type, said.name = knob.number, 1, name.encode()
         said.minimum, said.maximum, said.step = knob.low, knob.high, 1
-        held = knob.held_by and self.knobs[knob.held_by].value == 3
+        held = knob.held_by and knobs[knob.held_by].value == 3
         said.flags = ControlFlag.INACTIVE if held else 0
 
     def _g_ctrl(self, fd: int, said: Control) -> None:

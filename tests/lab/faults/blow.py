@@ -151,6 +151,7 @@ def _result_values(
     blow: Blow, striker: Striker, result: FoldResult, motion: Array, place: Installation
 ) -> Mapping[str, Any]:
     """Result of the fold as plain values; `motion` (n, 4) as in `Failing`."""
+    at = striker.at
     facts = {
         "verdict": _verdict(striker, result),
         "outcome": result.outcome,
@@ -158,17 +159,17 @@ def _result_values(
         "message": result.reason,
         "whole": _record_is_whole(result, spares=FAULTS[blow.fault].spares),
     }
-    if striker.at is None:
+    if at is None:
         return facts
     times = motion[1:, 0]
     rates = np.diff(motion[:, 1:], axis=0) / PERIOD
     speed = np.hypot(rates[:, 0], rates[:, 1])
-    after = times > striker.at
+    after = times > at
     moving = times[after & (speed > REST_SPEED)]
     stopped = facts["verdict"] == "stopped"
     return facts | {
-        "stop": striker.fault[0] - striker.at if stopped and striker.fault else None,
-        "rest": float(moving.max() - striker.at) if stopped and moving.size else None,
+        "stop": striker.fault[0] - at if stopped and striker.fault else None,
+        "rest": float(moving.max() - at) if stopped and moving.size else None,
         "distance": float(PERIOD * speed[after].sum()) if stopped else None,
         "resting": bool((speed[-1:] < REST_SPEED).all()),
         "within": _within_limits(motion, place),

@@ -156,7 +156,8 @@ def pause(scene: Scene, seconds: float) -> None:
     """Fault of the record: a write to its disk takes `seconds` while the cell's clock
     goes on.
     """
-    scene.cell.clock.wait_until(scene.cell.clock.now() + seconds)
+    clock = scene.cell.clock
+    clock.wait_until(clock.now() + seconds)
 
 
 def dying_viewer(_: Scene) -> None:

@@ -78,9 +78,8 @@ def accepted_content(
             known[name] = {
                 first.name if key == "amount" else key: v for key, v in values.items()
             }
-    content["model"] = str(
-        Path(m.file.model).with_name(f"{m.file.name}{ACCEPTED_MODEL}")
-    )
+    file = m.file
+    content["model"] = str(Path(file.model).with_name(f"{file.name}{ACCEPTED_MODEL}"))
     return content
 
 

@@ -161,7 +161,7 @@ def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRu
 
     Raises ConfigurationError, in one line, for input that is broken or too little.
     """
-    folds = [read_fold(folder.path, folder.name, strip) for folder in folders]
+    folds = [_read_fold(folder.path, folder.name, strip) for folder in folders]
     runs = [run for _, run in folds]
     usable = [i for i, run in enumerate(runs) if run.usable]
     _check_indices([folders[i] for i in usable], [folds[i][0] for i in usable])
@@ -186,7 +186,7 @@ def _check_enough(runs: Sequence[MeasuredRun], origin: Path) -> None:
         )
 
 
-def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
+def _read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
     """Header and measured fold in `folder`; ConfigurationError where it contradicts its
     `strip`.
     """
@@ -215,7 +215,7 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
     if (n := len(recorded.ticks.t)) >= LEAST:
         notes = tuple(_notes(folder, name, recorded, touch, strip))
         run = replace(_measured_run(name, recorded, touch, strip), notes=notes)
-        return header, until_touch(run, strip.length)
+        return header, _until_touch(run, strip.length)
     if result is not None:
         raise ConfigurationError(
             f"{folder / TICKS}: t: has {n} rows; at least {LEAST} are needed"
@@ -235,7 +235,7 @@ def check_fold(
     if strip not in known:
         guess = suggestion(strip, known)
         return (f"{folder.name}: strip {strip!r} is not known{guess}: no check",)
-    return read_fold(folder, folder.name, load(strip))[1].notes
+    return _read_fold(folder, folder.name, load(strip))[1].notes
 
 
 def _pitch(run: Run) -> Array:
@@ -298,7 +298,7 @@ def _measured_run(
     )
 
 
-def until_touch(run: MeasuredRun, length: float) -> MeasuredRun:
+def _until_touch(run: MeasuredRun, length: float) -> MeasuredRun:
     """Copy of a run without a measured touch that ends where its midlines begin
     elsewhere all at once, as after an unseen touch; its notes say so.
 

@@ -43,9 +43,10 @@ def _affected(name: str, values: Values) -> tuple[Twin, CorrectedArm]:
 
 def _go(twin: Twin, arm: CorrectedArm, pose: Pose, time: float) -> None:
     """To `pose` by `time`, asked for its state on the way as a control loop does."""
+    clock = twin.clock
     arm.move_to(pose)
-    while twin.clock.now() < time:
-        twin.clock.wait_until(twin.clock.now() + 0.01)
+    while clock.now() < time:
+        clock.wait_until(clock.now() + 0.01)
         arm.state()
 
 

@@ -36,13 +36,14 @@ class Laid:
         """Lower the edge about the touch, along a circle that grows to the layer's
         length.
         """
-        x, z = pose[:2] - (self.touch.x, self.model.mechanics.touch_gap)
+        touch_gap = self.model.mechanics.touch_gap
+        x, z = pose[:2] - (self.touch.x, touch_gap)
         start, radius = np.arctan2(z, x), np.hypot(x, z)
         for share in np.linspace(0.0, 1.0, 600):
             angle = start + share * (np.pi - start)
             reach = radius + share * (self.touch.to_grasped - radius)
             place = reach * np.array([np.cos(angle), np.sin(angle)])
-            place += (self.touch.x, self.model.mechanics.touch_gap)
+            place += (self.touch.x, touch_gap)
             pose = np.array([*place, np.pi / 2 * (1 + share)])
             self.chain.step(pose[None], H)
         return pose

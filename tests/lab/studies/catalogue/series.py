@@ -108,14 +108,15 @@ def _fold(case: Values, number: int, place: Path, memory: Path) -> FoldResult:
 
 def _facts(case: Values, result: FoldResult) -> Values:
     """Facts of one fold: d by truth, and the bias left in images [m]."""
+    displacement = result.displacement
     known, learning = compare(result), read_run(Path(result.run)).header.learning or {}
     facts = {
         k: known.get(k) for k in ("outcome", "true", "edges", "within_1", "within_2")
     }
     facts |= {"corrected": learning["seen"], "place": learning["place"]}
-    facts |= {"seen": result.displacement, "edges_seen": result.edge_offset}
-    if "predicted" in known and result.displacement is not None:
-        facts["bias"] = result.displacement - known["predicted"] + learning["seen"]
+    facts |= {"seen": displacement, "edges_seen": result.edge_offset}
+    if "predicted" in known and displacement is not None:
+        facts["bias"] = displacement - known["predicted"] + learning["seen"]
     return facts
 
 
