@@ -120,15 +120,15 @@ class Replay:
     not_said: Sequence[str]
 
 
-def replay(runs: Sequence[Path], file: Path, model: Path, jobs: int = 1) -> Replay:
+def replay(runs: Sequence[Path], file: Path, model: Path) -> Replay:
     """Replay measured `runs` of the mechanism in `file` with its own model, and with
     the MJCF `model` alone.
 
     Only the initial state of a run is fitted. Raises ConfigurationError for bad input.
     """
     folders = find_runs(runs)
-    stated = open_mechanism(file, folders, jobs)
-    plain = open_mechanism(file, folders, jobs, model=model)
+    stated = open_mechanism(file, folders)
+    plain = open_mechanism(file, folders, model=model)
     return Replay(
         _gap(stated),
         _gap(plain),

@@ -439,7 +439,6 @@ def replay(
             "--mjcf", help="The model that is compared with that of the file."
         ),
     ],
-    jobs: Jobs = None,
     as_json: Json = False,
 ) -> None:
     """Replay runs of a mechanism with its model, and with another that is loaded
@@ -448,7 +447,7 @@ def replay(
     from cell.interface.handover import replay as replay_runs
 
     with busy("replaying the runs"):
-        found = replay_runs(runs, model, mjcf, _threads(jobs))
+        found = replay_runs(runs, model, mjcf)
     if as_json:
         print_json(asdict(found))
         return
