@@ -107,7 +107,7 @@ def _export_ranges(
 
 
 @dataclass(frozen=True, slots=True)
-class Replay:
+class ReplayedGap:
     """Gap of measured runs by quantity, rms, `before` and `after` another model, and
     their noise `floor`.
 
@@ -120,7 +120,7 @@ class Replay:
     not_said: Sequence[str]
 
 
-def replay(runs: Sequence[Path], file: Path, model: Path) -> Replay:
+def replay(runs: Sequence[Path], file: Path, model: Path) -> ReplayedGap:
     """Replay measured `runs` of the mechanism in `file` with its own model, and with
     the MJCF `model` alone.
 
@@ -129,7 +129,7 @@ def replay(runs: Sequence[Path], file: Path, model: Path) -> Replay:
     folders = find_runs(runs)
     stated = open_mechanism(file, folders)
     plain = open_mechanism(file, folders, model=model)
-    return Replay(
+    return ReplayedGap(
         _gap(stated),
         _gap(plain),
         floor(plain.runs, plain.scope.quantities),

@@ -33,7 +33,7 @@ POINTER_OUT = Question("take the pointer out and keep clear of the hand", reache
 STEP_REST = 0.3  # s at rest after a step of the latency measurement
 
 
-def _begin_calibration(
+def begin_calibration(
     _given: CalibrationInputs, _log: CalibrationLog, _: Recorder, _begin: Snapshot
 ) -> steps.Phase:
     """Start the calibration at once, as there is no strip to check beforehand."""
@@ -47,10 +47,9 @@ def calibrate(
     """Touch all points; where a homography is fitted, measure latency and landmarks
     too.
     """
-    commanded = begin.arm.commanded
     points = given.points
-    first = replace(commanded, pitch=points.plan[0].pitch)
-    require_clear([commanded, first, *points.plan], given.desk_end)
+    first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
+    require_clear([begin.arm.commanded, first, *points.plan], given.desk_end)
     yield from _hand_over(given, POINTER_IN)
     yield from steps.close_hand()
     yield from steps.rotate_hand(points.plan[0].pitch)
@@ -175,4 +174,4 @@ def _wait_for_answer(given: CalibrationInputs, question: Question) -> Answering:
     return answer
 
 
-CALIBRATION_PHASES = {State.PREFLIGHT: _begin_calibration, State.CALIBRATE: calibrate}
+CALIBRATION_PHASES = {State.PREFLIGHT: begin_calibration, State.CALIBRATE: calibrate}
