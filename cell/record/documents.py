@@ -12,7 +12,7 @@ from pydantic_core import to_jsonable_python
 
 from cell.record.files import NOTES
 from cell.record.header import Recorded
-from drivers.base.files import change_file, replace_file
+from drivers.base.files import change_file, encoded, replace_file
 from drivers.base.settings import load, parse
 from drivers.base.yaml_text import dump_yaml, parse_yaml
 
@@ -33,13 +33,13 @@ def _plain_array(value: Any) -> Any:
 
 def write_document(path: Path, content: Mapping[str, Any]) -> None:
     """Write `content` as YAML to `path` atomically; it is on disk on return."""
-    replace_file(path, dump_yaml(plain(content)).encode(errors="backslashreplace"))
+    replace_file(path, encoded(dump_yaml(plain(content))))
 
 
 def json_line(content: Mapping[str, Any]) -> bytes:
     """Encode `content` as one line of JSON."""
     text = json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": "))
-    return text.encode(errors="backslashreplace") + b"\n"
+    return encoded(text) + b"\n"
 
 
 class Notes(Recorded):

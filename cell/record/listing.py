@@ -18,7 +18,7 @@ from pydantic.dataclasses import dataclass
 from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way, runs_below
 from cell.record.header import Result, read_result
 from drivers.base.errors import ConfigurationError, check_known
-from drivers.base.files import lock_folders
+from drivers.base.files import encoded, lock_folders
 from drivers.base.readers import read_text
 from drivers.base.yaml_text import parse_yaml
 
@@ -99,7 +99,7 @@ class RunRow:
     @property
     def name(self) -> str:
         """Name of the run's folder; bytes that are no UTF-8 are escaped."""
-        return self.folder.name.encode(errors="backslashreplace").decode()
+        return encoded(self.folder.name).decode()
 
     @property
     def short(self) -> str:

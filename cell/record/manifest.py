@@ -59,7 +59,7 @@ class Manifest:
                 host=str(made_by["host"]),
                 begun=tuple(int(line["begin"]) for line in lines if "begin" in line),
                 ended={int(line["end"]): line for line in lines if "end" in line},
-                is_over=any(line.get("over") is True for line in lines),
+                is_over=any("over" in line for line in lines),
             )
         except (KeyError, TypeError, ValueError, AttributeError):
             raise ConfigurationError(
@@ -176,10 +176,9 @@ def resumed_series(manifest: Manifest, of: Mapping[str, str]) -> Iterator[RunSer
         current = Manifest.read(path)
         differ = [key for key in of if current.of.get(key) != of[key]]
         if differ:
-            verb = "is" if len(differ) == 1 else "are"
             raise ConfigurationError(
-                f"--resume: {path}: {' and '.join(differ)} {verb} not as when"
-                f" this {current.kind} began; use what it began with, or begin another"
+                f"--resume: {path}: not as when this {current.kind} began:"
+                f" {', '.join(differ)}; use what it began with, or begin another"
             )
         series = RunSeries(current)
         series.note(_maker())

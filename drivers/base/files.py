@@ -56,14 +56,16 @@ def write_file(path: Path, content: str | bytes, remedy: str = "") -> None:
 
     Raises ConfigurationError, in one line with a `remedy`, where it cannot be written.
     """
-    encoded = (
-        content.encode(errors="backslashreplace")
-        if isinstance(content, str)
-        else content
-    )
     with writing(path, remedy):
         path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, encoded)
+        replace_file(path, encoded(content))
+
+
+def encoded(content: str | bytes) -> bytes:
+    """`content` as it is written: text as UTF-8, what that cannot encode escaped."""
+    if isinstance(content, bytes):
+        return content
+    return content.encode(errors="backslashreplace")
 
 
 def change_file(path: Path, change: Callable[[str], str], remedy: str = "") -> None:
@@ -78,7 +80,7 @@ def change_file(path: Path, change: Callable[[str], str], remedy: str = "") -> N
         path.parent.mkdir(parents=True, exist_ok=True)
         with lock_folders([path.parent]):
             text = read_text(path) if path.exists() else ""
-            replace_file(path, change(text).encode(errors="backslashreplace"))
+            replace_file(path, encoded(change(text)))
 
 
 @contextmanager
@@ -124,15 +126,13 @@ def move_folder(source: Path, path: Path) -> None:
     there.
     """
     check_free(path)
-    try:
-        source.rename(path)  # which replaces an empty folder at most
-    except OSError as error:
-        if error.errno in {errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR}:
+    with writing(path):
+        try:
+            source.rename(path)  # which replaces an empty folder at most
+        except OSError:
             check_free(path)
-        raise ConfigurationError(
-            f"{path}: cannot be written: {error.strerror}"
-        ) from None
-    sync_folder(path.parent)
+            raise
+        sync_folder(path.parent)
 
 
 def check_free(path: Path) -> None:

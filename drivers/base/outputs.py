@@ -10,7 +10,7 @@ import zlib
 from pathlib import Path
 
 from drivers.base.errors import ConfigurationError
-from drivers.base.files import write_file, writing
+from drivers.base.files import encoded, write_file, writing
 
 PNG, AFTER_HEADER = b"\x89PNG\r\n\x1a\n", 33  # bytes, of signature and first chunk
 SEAL = re.compile(
@@ -27,12 +27,7 @@ def write_output(path: Path, content: str | bytes) -> None:
     Raises ConfigurationError where it cannot be written, and as `check_output`.
     """
     check_output(path)
-    encoded = (
-        content.encode(errors="backslashreplace")
-        if isinstance(content, str)
-        else content
-    )
-    write_file(path, sealed(encoded))
+    write_file(path, sealed(encoded(content)))
 
 
 def check_output(path: Path) -> None:

@@ -107,8 +107,9 @@ def test_move_to_where_the_arm_is_ends_at_once(bench, arm) -> None:
 )
 def test_pose_out_of_reach_is_refused_and_nothing_moves(bench, arm, bad) -> None:
     before = arm.state().commanded
-    with pytest.raises(Fault, match="allowed"):
+    with pytest.raises(Fault, match=r"is out of reach; allowed: \S+ to \S+ ") as told:
         arm.move_to(bad)
+    assert told.value.name == "outside_workspace"
     assert not wait(bench, 0.1).moving
     assert near(arm.state().commanded, before, 1e-9)
 
@@ -118,7 +119,7 @@ def test_pose_out_of_reach_is_refused_and_nothing_moves(bench, arm, bad) -> None
 def test_velocity_over_the_limit_is_refused_and_nothing_moves(
     bench, arm, axis, rate
 ) -> None:
-    with pytest.raises(Fault, match="allowed"):
+    with pytest.raises(Fault, match=r"is over the limit; allowed: \S+ \S+ at most"):
         arm.set_velocity(
             Velocity(*(rate if here == axis else 0.0 for here in range(3)))
         )

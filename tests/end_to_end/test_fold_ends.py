@@ -17,6 +17,7 @@ from cell.record.writer import RunWriter
 from drivers.base.errors import Fault
 from drivers.twin.settings import CameraSettings
 from tests.cell.conftest import HEADER, straight_camera
+from tests.support.dying import no_room
 from tests.support.requests import request_for
 
 DONE = Outcome("path_done", "the path ended and no touch was seen", 1, None, None, 9.0)
@@ -99,10 +100,7 @@ def test_a_ctrl_c_while_the_record_ends_leaves_it_whole(recorder, monkeypatch) -
 def test_a_disk_that_fills_up_at_the_end_is_the_outcome(recorder, monkeypatch) -> None:
     from cell.record import writer
 
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(writer.tables, "write_tables", full)
+    monkeypatch.setattr(writer.tables, "write_tables", no_room)
     outcome = run_and_record(running(DONE), Devices(), recorder)
     assert (outcome.name, outcome.exit_code) == ("record", 4)
     assert "No space left" in outcome.reason

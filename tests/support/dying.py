@@ -42,3 +42,8 @@ def count_down(left: int) -> None:
 
     for name in ("fsync", "replace", "rename", "unlink", "open", "mkdir", "rmdir"):
         setattr(os, name, dying(getattr(os, name)))
+
+
+def no_room(*_: object) -> None:
+    """A disk that takes no more."""
+    raise OSError(28, "No space left on device")

@@ -9,6 +9,7 @@ import numpy as np
 from cell.gap.subject.run_table import read_table
 from cell.record.files import ANGLES, JOINTS, PROFILE, RUN, SIGNALS, TICKS, runs_in
 from drivers.base.errors import ConfigurationError
+from drivers.base.files import encoded
 from drivers.base.types import Array
 
 TABLES = (TICKS, PROFILE, ANGLES, SIGNALS, JOINTS)
@@ -95,7 +96,7 @@ def _names(folders: Sequence[Path]) -> list[str]:
 
 def _utf8(name: str) -> str:
     """`name` as valid UTF-8, other bytes escaped."""
-    return name.encode(errors="backslashreplace").decode()
+    return encoded(name).decode()
 
 
 def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None:

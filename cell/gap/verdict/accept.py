@@ -20,7 +20,13 @@ from cell.gap.verdict.fit_folder import VERDICT, FitRecord, PatchFiles, read_rec
 from cell.gap.verdict.schema import StepKind, fit_folder, read_verdict
 from cell.record.header import Recorded
 from drivers.base.errors import ConfigurationError
-from drivers.base.files import lock_folders, replace_file, write_file, writing
+from drivers.base.files import (
+    encoded,
+    lock_folders,
+    replace_file,
+    write_file,
+    writing,
+)
 from drivers.base.readers import (
     MEGABYTE,
     file_digest,
@@ -288,9 +294,11 @@ def _restore_interrupted(file: Path, cell_file: Path | None) -> None:
 def _way_back(
     stored: Acceptance, file: Path, cell_file: Path | None
 ) -> tuple[list[Change], list[State]]:
-    """Changes that restore the files of an acceptance, and the state of each."""
+    """Changes that restore the files of an acceptance, a model last, and the state of
+    each.
+    """
     paths = _files_by_name(stored, file, cell_file)
-    texts = {name: _text_at(path) for name, path in paths.items()}
+    texts = {name: _text_at(path) for name, path in reversed(paths.items())}
     back = [Change(paths[n], text, stored.before[n]) for n, text in texts.items()]
     return back, [stored.state(name, text) for name, text in texts.items()]
 
@@ -370,7 +378,7 @@ def _write(changes: Iterable[Change]) -> None:
             path.unlink(missing_ok=True)
         else:
             with writing(path):
-                replace_file(path, _encoded(new), change.check)
+                replace_file(path, encoded(new), change.check)
 
 
 def _text_at(path: Path) -> str:
@@ -441,12 +449,8 @@ def _name(path: Path) -> str:
 
 def _utf8(text: str) -> str:
     """`text` as UTF-8 can encode it, other characters escaped."""
-    return _encoded(text).decode()
-
-
-def _encoded(text: str) -> bytes:
-    return text.encode(errors="backslashreplace")
+    return encoded(text).decode()
 
 
 def _digest(text: str) -> str:
-    return hashlib.sha256(_encoded(text)).hexdigest()
+    return hashlib.sha256(encoded(text)).hexdigest()

@@ -151,17 +151,19 @@ def _check_plan_folder(folder: Path, *, resume: bool) -> None:
     from cell.record.manifest import Manifest
 
     path = folder / MANIFEST
-    if resume and not path.is_file():
+    if resume:
+        if path.is_file():
+            return
         raise ConfigurationError(
             f"--resume: no plan in {folder}; leave --resume out to begin one"
         )
-    if not resume and path.is_file():
+    if path.is_file():
         manifest = Manifest.read(path)
         way_on = "wait for it" if manifest.is_under_way else "go on with --resume"
         raise ConfigurationError(
             f"--runs: {manifest}; {way_on}, or name a new folder for another plan"
         )
-    if not resume and runs_in(folder):
+    if runs_in(folder):
         raise ConfigurationError(
             f"--runs: {folder} holds runs already; name a new folder, so that the"
             " standard runs stay together"

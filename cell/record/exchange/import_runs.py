@@ -5,7 +5,7 @@ folders.
 import re
 import shutil
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, suppress
+from contextlib import closing, suppress
 from dataclasses import replace
 from itertools import chain, product
 from pathlib import Path
@@ -31,7 +31,7 @@ from cell.record.exchange.mapping import (
     TickColumn,
     read_columns,
 )
-from cell.record.files import PROFILE, RESULT, RUN, SIGNALS, TICKS, is_run
+from cell.record.files import PROFILE, RESULT, RUN, SIGNALS, TICKS, is_run, runs_in
 from cell.record.frames import FrameWriter
 from cell.record.run import read_run
 from cell.record.tables import (
@@ -45,9 +45,11 @@ from drivers.base.errors import ConfigurationError, suggestion
 from drivers.base.extras import require_library
 from drivers.base.files import (
     check_free,
+    lock_folders,
     move_folder,
     replace_file,
     scratch_folder,
+    write_file,
     writing,
 )
 from drivers.base.settings import load, parse
@@ -59,6 +61,7 @@ Content = Mapping[str, Any]
 Check = Callable[[Path], object]
 LengthOf = Callable[[str], float]
 BAG = "metadata.yaml"  # of a folder that rosbag2 recorded
+COMPLETE = "complete"  # mark in a scratch folder all of whose runs are written
 ALREADY = "is a run already; `cell gap fit` takes it as it is"
 READ = re.compile(rf"{FILE.pattern}|.+\.mcap")  # files of a run
 CHANGED_TOGETHER = (("ticks", "contact"), *zip(TABLES[1:], strict=True), TABLES)
@@ -90,6 +93,8 @@ def import_runs(
     files = {table.file for table in stated.tables.values()} if stated else ()
     sources = chain.from_iterable(sources_in(path, mapping, files) for path in paths)
     with scratch_folder(out) as scratch:
+        for run in _complete_killed(out):
+            tell(f"{run}: its import was killed at the end, and is completed now")
         made: list[Path] = []
         for index, source in enumerate(sources):
             how = stated or _exported_mapping(source, kind)
@@ -120,7 +125,7 @@ def import_runs(
                 _write_film(source, run)
         if not made:
             raise ConfigurationError(f"{paths[0]}: holds no tables")
-        return _move_all(made, out)
+        return _move_all(scratch, made, out)
 
 
 def _in_words_of_source(text: str, source: Source, how: AnyMapping, run: Path) -> str:
@@ -133,22 +138,40 @@ def _in_words_of_source(text: str, source: Source, how: AnyMapping, run: Path) -
     return text.replace(str(run), str(source.path))
 
 
-def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
-    """Move the runs `made` to the folder `out`, all or none; returns their folders
-    there.
+def _move_all(scratch: Path, made: Sequence[Path], out: Path) -> tuple[Path, ...]:
+    """Move the runs `made` from `scratch` to the folder `out`, all or none; returns
+    their folders there.
+
+    The rest of a move that is killed is found by its mark, COMPLETE.
     """
-    with ExitStack() as moved:
-        for run in made:
-            moved.callback(_take_back, run, out / run.name)
-            move_folder(run, out / run.name)
-        moved.pop_all()
-    return tuple(out / run.name for run in made)
+    moved = {run: out / run.name for run in made}
+    mark = scratch / COMPLETE
+    with lock_folders([out]):
+        write_file(mark, b"")
+        try:
+            for run, place in moved.items():
+                move_folder(run, place)
+        except BaseException:
+            for run, place in moved.items():
+                if not run.exists():
+                    shutil.rmtree(place, ignore_errors=True)
+            raise
+        finally:
+            mark.unlink()
+    return tuple(moved.values())
 
 
-def _take_back(run: Path, moved: Path) -> None:
-    """Remove the folder `moved`, if it is the `run` that stood elsewhere."""
-    if not run.exists():
-        shutil.rmtree(moved, ignore_errors=True)
+def _complete_killed(out: Path) -> Iterator[Path]:
+    """Move to `out` what imports into it left that were killed amid their last move;
+    yields these runs.
+    """
+    with lock_folders([out]):
+        for mark in [*out.glob(f".*.part/{COMPLETE}")]:
+            for run in runs_in(mark.parent):
+                place = out / run.name
+                move_folder(run, place)
+                yield place
+            shutil.rmtree(mark.parent, ignore_errors=True)
 
 
 def _remedy(

@@ -2,6 +2,7 @@
 frame.
 """
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 import cell
 from cell.record.documents import write_document
 from cell.record.exchange.import_runs import import_runs
+from cell.record.files import runs_in
 from cell.record.run import read_run
 from drivers.base.errors import ConfigurationError
 from tests.support.commands import invoke
+from tests.support.dying import in_child
 from tests.support.foreign_tables import (
     CONTACT,
     MAPPING,
@@ -213,3 +216,19 @@ def test_import_that_ends_early_leaves_what_another_made(
         import_runs(folders, how, tmp_path / "runs")
     assert list((tmp_path / "runs").glob("*")) == others
     assert len(import_runs(folders[: 2 - len(others)], how, tmp_path / "runs")) > 0
+
+
+def test_import_that_is_killed_leaves_all_runs_or_none_to_the_next(tmp_path) -> None:
+    how, folders = in_metres(tmp_path), [plain(tmp_path / name) for name in "abc"]
+    seen: set[int] = set()
+    for moment in range(200):
+        out, told = tmp_path / f"runs-{moment}", []
+        make = partial(import_runs, mapping=how, out=out)
+        code = in_child(partial(make, folders[:2]), dies_at=moment)
+        make(folders[2:], tell=told.append)
+        names = "".join(run.name for run in runs_in(out))
+        assert names == ("abc" if told or code == 0 else "c")
+        seen.add(len(told))
+        if code == 0:
+            break
+    assert seen == {0, 1, 2}

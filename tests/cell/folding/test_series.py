@@ -15,6 +15,7 @@ from cell.record.files import MANIFEST
 from cell.record.manifest import Manifest, manifests_in
 from tests.cell.folding.test_batch import fake, repeated  # noqa: F401  a fixture
 from tests.support.commands import invoke
+from tests.support.dying import no_room
 from tests.support.made_results import DONE, STOPPED, fold_by
 from tests.support.refusals import refusal
 
@@ -106,11 +107,11 @@ def test_batch_goes_on_with_the_newest_that_is_not_complete(
 @pytest.mark.parametrize(
     ("changed", "says"),
     [
-        ("--seed 5", "plan is not as when this batch began"),
-        ("--policy planned", "plan is not as"),
-        ("--at 1/3", "plan is not as"),
-        ("--plant denim", "plant is not as"),
-        ("--strip swimwear", "strip is not as"),
+        ("--seed 5", "not as when this batch began: plan;"),
+        ("--policy planned", "began: plan;"),
+        ("--at 1/3", "began: plan;"),
+        ("--plant denim", "began: plant;"),
+        ("--strip swimwear", "began: strip;"),
     ],
 )
 def test_another_series_is_not_resumed(
@@ -191,10 +192,7 @@ def test_broken_manifest_is_refused_by_name(tmp_path: Path, text: str) -> None:
 def test_fold_does_not_begin_where_its_manifest_cannot_be_written(
     tmp_path: Path, folds: Folds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("cell.record.manifest.append_line", full)
+    monkeypatch.setattr("cell.record.manifest.append_line", no_room)
     result = invoke(BATCH, tmp_path)
     assert result.exit_code == 2
     assert "make room, then go on with --resume" in result.stderr

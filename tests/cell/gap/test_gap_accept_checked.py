@@ -116,7 +116,8 @@ def test_a_file_that_changed_since_the_fit_is_refused_by_name(
 
 def test_effects_of_the_cell_go_into_the_cell_file(fitted_both) -> None:
     known = {"camera_latency": {"time": 0.02}}
-    edit_yaml(fitted_both.cell, effects=known, name="here")
+    earlier = {"desk_tilt": {"angle": 0.001}}
+    edit_yaml(fitted_both.cell, effects=known | earlier, name="here")
     fitted_both.write()
     with pytest.raises(ConfigurationError, match="name the cell file"):
         accept(fitted_both.out, fitted_both.file)

@@ -125,18 +125,6 @@ def test_disk_that_fills_between_two_files_changes_nothing(
     assert json.loads(fit.file.with_name(UNDO).read_text())["schema"] == 1
 
 
-def test_another_command_that_changes_the_strip_is_waited_for_and_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fit = fitted_both(tmp_path / "fit")
-    monkeypatch.setattr("drivers.base.files.LOCK_TIMEOUT", 0.05)
-    with (
-        acceptance.lock_folders([fit.file.parent]),
-        pytest.raises(ConfigurationError, match="another command"),
-    ):
-        fit.accept()
-
-
 @pytest.mark.parametrize("name", ["denim.yaml", "cell.yaml"])
 @pytest.mark.parametrize("moment", range(4))
 @pytest.mark.parametrize("taken_back", [False, True])

@@ -7,14 +7,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import FitOptions, fit
 from cell.gap.subject.run_folders import find_runs, without_copies
-from tests.support.mechanisms import write_run
+from tests.support.mechanisms import make_arm, write_run
 from tests.support.run_edits import edit_column
-
-FILE = CHECKOUT_CONFIGS / "mechanisms" / "single-pendulum" / "mechanism.yaml"
-SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / "single"
 
 
 def a_run(folder: Path, seed: int, **changes: object) -> Path:
@@ -43,18 +39,18 @@ def test_copies_count_once_however_written_and_runs_with_another_number_all(
     assert copies == dict.fromkeys("cde", "a")
 
 
-@pytest.mark.long
-@pytest.mark.skipif(not SINGLE.is_dir(), reason="the measured pendulums are absent")
-def test_a_fit_counts_copies_once_and_says_so(tmp_path) -> None:
-    runs = tmp_path / "runs"
-    for k in range(3):
-        shutil.copytree(SINGLE / "runs" / f"{k:02d}", runs / f"{k:02d}")
-    plain = fit([runs], FILE, tmp_path / "one", FitOptions(["01"]))
-    for k in range(2):
-        shutil.copytree(runs / "01", runs / f"copy-{k}")
-    verdict = fit([runs], FILE, tmp_path / "copied", FitOptions(["copy-1"]))
-    assert verdict.held_out == ["01"]
-    assert verdict.base == plain.base
-    assert len(verdict.notes) == 2
-    assert "copy-0: holds the measurements of 01" in verdict.notes[0]
-    assert "copy-0: holds" in (tmp_path / "copied" / "report.html").read_text()
+def test_a_copy_that_is_to_be_held_out_is_the_run_that_it_copies(
+    tmp_path, monkeypatch
+) -> None:
+    file, runs = make_arm(tmp_path, 2, span=1.0)
+    shutil.copytree(runs / "01", runs / "copy")
+    asked: list[object] = []
+
+    def held_out(*given: object) -> None:
+        asked.extend(given)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cell.gap.selection.hold_out.held_out", held_out)
+    with pytest.raises(KeyboardInterrupt):
+        fit([runs], file, tmp_path / "out", FitOptions(["copy"]))
+    assert asked[-1] == ["01"]

@@ -114,6 +114,12 @@ def test_two_that_one_cause_may_make(camera: float, change: float, sure: bool) -
     assert (log_odds > 20.0) if sure else (log_odds < -5.0)
 
 
+def test_one_cause_of_two_effects_says_nothing_of_a_third() -> None:
+    three = SetProbability(frozenset("abc"), 0.0, 1.0, [(frozenset("ab"), 9.0)])
+    log_odds = Posterior((three, SetProbability(frozenset(), -5.0, 0.0))).log_odds
+    assert log_odds(lambda names: "c" in names) == pytest.approx(5.0)
+
+
 def test_what_the_floor_allows_is_no_effect() -> None:
     """An amount that the model's own error can make speaks for no effect."""
     subject = Curves(hidden(bump, 0.006), repeats=1, seed=1)
@@ -135,8 +141,10 @@ def test_a_law_that_may_be_wrong_leaves_room_for_what_it_leaves() -> None:
 
 
 def test_a_verdict_states_what_its_signs_are_worth() -> None:
-    _, verdict = judged(Curves(hidden(bump, 0.05)))
+    steep = lambda t, s, i: 0.05 * bump(t, s, i) - 1.5 * t  # noqa: E731
+    _, verdict = judged(Curves(steep))
     (effect,), found = verdict.effects, verdict.posterior
+    assert found.strain == pytest.approx(1.0, abs=0.05)  # of a slope of -1
     assert found.models[0].names == ["bump"]
     assert sum(m.p for m in found.models) == pytest.approx(1.0)
     assert effect.confidence == calibration("mechanism").probability(found)

@@ -26,6 +26,8 @@ def _path(step: float, count: int) -> list[Pose]:
 
 def test_images_that_repeat_while_the_gripper_moves_are_counted() -> None:
     assert _counts(_path(0.003, 5), [7] * 5) == [1, 2, 3, 4, 5]
+    turning = [Pose(0.6, 0.1, 0.1 * k) for k in range(5)]
+    assert _counts(turning, [7] * 5) == [1, 2, 3, 4, 5]
     frozen = FrozenImages()  # of a camera that does not number them
     assert [frozen.count(_frame(0, 7), pose) for pose in _path(0.003, 3)] == [1, 2, 3]
 

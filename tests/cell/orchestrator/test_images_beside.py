@@ -2,6 +2,9 @@
 arm.
 """
 
+import math
+from dataclasses import replace
+from itertools import cycle
 from types import SimpleNamespace
 
 import pytest
@@ -23,6 +26,7 @@ class LateReader:
     """Answers `ticks` looks after it was given an image."""
 
     latency = 0.0
+    shifts = cycle([math.nan])  # m
 
     def __init__(self, ticks: int) -> None:
         self.ticks, self.left, self.begun = ticks, 0, []
@@ -43,7 +47,8 @@ class LateReader:
         if self.left >= 0:
             return None
         self.busy_since = None
-        return result_of(self.begun[-1], Pose(0.0, 0.0, 0.0), touches=False)
+        seen = result_of(self.begun[-1], Pose(0.0, 0.0, 0.0), touches=False)
+        return replace(seen, shift=next(self.shifts))
 
 
 def driving(ticks: int):
@@ -120,6 +125,16 @@ def test_a_reader_that_dies_stops_the_arm_at_the_next_tick(bench) -> None:
     assert (outcome.name, outcome.reason) == ("image_reader_dead", reader.failure)
     assert bench.at_rest
     assert sum(isinstance(c, Drive) for c in bench.arm.commands) == 31
+
+
+@pytest.mark.parametrize(
+    ("shifts", "ends"), [([0.01], "camera_moved"), ([0.01, 0.0], "path_done")]
+)
+def test_the_scene_has_moved_where_images_in_a_row_show_it(bench, shifts, ends) -> None:
+    reader = LateReader(0)
+    reader.shifts = cycle(shifts)
+    folding(bench, reader)
+    assert bench.run().name == ends
 
 
 def test_a_turn_that_hangs_is_ended_and_stops_the_arm(bench, monkeypatch) -> None:

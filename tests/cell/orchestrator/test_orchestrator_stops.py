@@ -1,5 +1,6 @@
 """Whatever goes wrong in a run, the arm is brought to rest before the run is over."""
 
+import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -18,7 +19,7 @@ from cell.orchestrator.snapshot import (
     Snapshot,
 )
 from cell.orchestrator.states import State, Trigger
-from cell.orchestrator.steps import close_hand, move, open_hand
+from cell.orchestrator.steps import close_hand, move, open_hand, wait_for
 from drivers.base.errors import Fault
 from drivers.base.types import ArmState, Frame, Pose, Velocity
 from tests.support.plain_cell import AWAY, Bench, ending, phases, plain_bench
@@ -79,7 +80,6 @@ def break_clock_for_a_while(bench: Bench) -> None:
             break_parts,
             parts={f"record.{p}": math.inf for p in ("tick", "event", "frame")},
         ),
-        partial(break_parts, parts={"camera.read": math.inf, "arm.stop": 0.2}),
         partial(break_parts, parts={"arm.state": 0.3}),
         break_clock_for_a_while,
     ],
@@ -123,6 +123,13 @@ def test_an_arm_that_never_answers_again_is_stopped_repeatedly_until_its_time_is
     assert bench.clock.now() == pytest.approx(BEGIN + 1.0, abs=0.05)
 
 
+def test_a_resting_arm_that_no_stop_has_reached_is_stopped_again(bench) -> None:
+    bench.phases = phases(FOLD=lambda *_: wait_for(lambda _: False))
+    break_parts(bench, {"camera.read": math.inf, "arm.stop": 0.3})
+    assert bench.run().exit_code == 4
+    assert BEGIN + 0.3 <= bench.clock.now() < BEGIN + 0.4
+
+
 def test_a_first_look_that_fails_is_an_outcome_and_no_error(bench) -> None:
     def dead() -> ArmState:
         raise Fault("arm_closed", "nobody is there")
@@ -158,6 +165,22 @@ def test_a_path_that_ends_in_motion_ends_at_rest(bench) -> None:
     outcome = bench.run()
     assert (outcome.name, outcome.exit_code) == ("path_done", 1)
     assert bench.at_rest
+
+
+def test_what_was_sent_before_a_velocity_is_sent_again_after_it(bench) -> None:
+    goal, drive, sent = MoveTo(Pose(0.5, 0.2, 1.5)), Drive(AWAY), bench.arm.commands
+    order = [goal, drive, goal, Hold(), drive, Hold()]
+
+    def changing(*_):
+        for command in order:
+            yield command
+            yield command
+        return Trigger.PATH_DONE
+
+    bench.phases = phases(FOLD=changing)
+    assert bench.run().name == "path_done"
+    in_turn = [one for one, _ in itertools.groupby(sent[sent.index(goal) :])]
+    assert in_turn == order
 
 
 def test_interrupting_stops_within_the_limits_of_the_motion(bench) -> None:

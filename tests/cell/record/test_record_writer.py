@@ -1,6 +1,5 @@
 import json
 import shutil
-import signal
 import subprocess
 import sys
 import threading
@@ -17,6 +16,7 @@ from cell.record.writer import RunWriter
 from drivers.base.errors import Fault
 from drivers.base.types import Frame
 from tests.cell.conftest import HEADER, RESULT
+from tests.support.dying import no_room
 from tests.support.plain_cell import ARM
 from tests.support.refusals import refusal
 
@@ -30,26 +30,6 @@ def hand_over_and_finish(writer: RunWriter, count: int) -> None:
     for sequence in range(count):
         writer.frame(small_frame(sequence))
     writer.finish({"outcome": "path_done"})
-
-
-def test_killed_process_leaves_every_row_it_wrote(tmp_path):
-    script = f"""
-import os, signal
-from pathlib import Path
-from tests.support.plain_cell import ARM, replace
-from cell.record.writer import RunWriter
-writer = RunWriter(Path({str(tmp_path)!r}), {HEADER!r}, "none")
-for k in range(200):
-    writer.tick(replace(ARM, stamp=0.01 * k), "FOLD")
-    writer.event(0.01 * k, "turn", k=k)
-os.kill(os.getpid(), signal.SIGKILL)
-"""
-    done = subprocess.run([sys.executable, "-c", script], check=False)
-    assert done.returncode == -signal.SIGKILL
-    run = read_run(*tmp_path.iterdir())
-    assert run.died
-    assert run.ticks.t.size == 200
-    assert len(run.events()) == 200
 
 
 def test_any_cut_of_the_streams_can_still_be_read(killed, tmp_path):
@@ -81,10 +61,13 @@ def test_a_killed_run_reads_as_one_that_lived(make_run, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("last", ["write_tables", "write_document", "unlink"])
-def test_a_kill_while_a_run_is_completed_loses_no_row(tmp_path, monkeypatch, last):
+def test_a_kill_while_a_run_is_completed_loses_no_row_and_it_may_be_tried_again(
+    tmp_path, monkeypatch, last
+):
     writer = RunWriter(tmp_path, HEADER, "none")
     for k in range(200):
         writer.tick(replace(ARM, stamp=0.01 * k), "FOLD")
+        writer.event(0.01 * k, "turn", k=k)
 
     def killed(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
@@ -94,33 +77,19 @@ def test_a_kill_while_a_run_is_completed_loses_no_row(tmp_path, monkeypatch, las
         patched.setattr(owner, last, killed)
         with pytest.raises(KeyboardInterrupt):
             writer.finish(RESULT)
-    rows = read_run(writer.folder).ticks.t.size
-    writer.close()
-    assert rows == 200
-
-
-def test_a_complete_run_keeps_its_tables_without_their_streams(make_run, tmp_path):
-    names = {path.name for path in make_run(tmp_path).iterdir()}
-    assert {"ticks.parquet", "sights.parquet", "profile.parquet"} <= names
-    assert not any(name.endswith(".arrows") for name in names)
-
-
-def test_run_yaml_comes_first_and_result_yaml_last(tmp_path, monkeypatch):
-    writer = RunWriter(tmp_path, HEADER, "none")
-    assert (writer.folder / "run.yaml").exists()
-    writer.tick(ARM, "LIFT")
-
-    def refuse(*args):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("cell.record.writer.tables.write_tables", refuse)
-    with pytest.raises(Fault, match="No space left"):
+    run = read_run(writer.folder)
+    assert (run.ticks.t.size, len(run.events())) == (200, 200)
+    for _ in range(2):
         writer.finish(RESULT)
-    assert not (writer.folder / "result.yaml").exists()
-    monkeypatch.undo()
-    writer.finish(RESULT)
-    writer.finish(RESULT)
     assert read_run(writer.folder).result.displacement == RESULT["displacement"]
+    assert not [*writer.folder.glob("*.arrows")]
+
+
+@pytest.mark.parametrize(("stamps", "x"), [((0.07, 0.11), 0.4), ((0.09, 0.14), 0.3)])
+def test_of_two_contacts_in_one_row_the_nearer_is_placed(stamps, x):
+    rows = np.arange(4) / 10
+    placed, _ = tables.place_contacts(rows, np.array(stamps), np.array([0.3, 0.4]))
+    np.testing.assert_equal(placed, [np.nan, x, np.nan, np.nan])
 
 
 def test_lines_of_events_are_plain_json_without_nan(tmp_path):
@@ -181,10 +150,7 @@ def test_image_that_cannot_be_written_is_a_fault_once_and_never_blocks(
 ):
     writer = RunWriter(tmp_path, HEADER, "all", patient=True)
 
-    def refuse(image):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(frames, "encode", refuse)
+    monkeypatch.setattr(frames, "encode", no_room)
     with pytest.raises(Fault, match="No space left"):
         hand_over_and_finish(writer, 200)
     assert not (writer.folder / "result.yaml").exists()

@@ -18,6 +18,7 @@ from drivers.base.files import (
     replace_file,
     replacing,
 )
+from tests.support.dying import no_room
 
 ROOT = Path(__file__).parents[3]
 DOOR = "drivers/base/files.py"
@@ -100,6 +101,15 @@ def test_a_line_is_not_added_along_a_link_nor_to_a_pipe(
             append_line(tmp_path / name, b"line\n")
         with pytest.raises(OSError, match=r"symbolic|regular|device"):
             check_writable(tmp_path / name)
+    assert outside.read_text() == "mine"
+
+
+def test_a_line_that_does_not_fit_leaves_no_half_of_it(
+    outside: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "fsync", no_room)
+    with pytest.raises(OSError, match="No space"):
+        append_line(outside, b"line\n")
     assert outside.read_text() == "mine"
 
 

@@ -84,6 +84,15 @@ def test_loop_follows_orders_and_reports_what_it_measured(setup) -> None:
     assert report.ticks == 2010
 
 
+def test_an_arm_that_only_turns_does_not_rest(setup) -> None:
+    plane, (x, z, pitch) = StripPlane(PLANE), START
+    for tick in range(10):
+        setup.robot.measured = joints_at(plane.matrix(x, z, pitch + 2e-5 * tick))
+        report = setup.steps(1)
+    assert report.moving
+    assert not setup.steps(10).moving
+
+
 @pytest.mark.parametrize("lock_step", [False, True])
 def test_state_is_reported_once_it_is_answered(lock_step: bool) -> None:
     setup = begun(lock_step=lock_step)

@@ -17,7 +17,7 @@ from cell.gap.subject.mechanism.model import Joint, Mechanism
 from cell.gap.subject.mechanism.model_source import ModelSource
 from cell.gap.subject.mechanism.patch import accepted_xml
 from cell.gap.subject.mechanism.subject import MechanismSubject
-from cell.gap.verdict.accept import accept, undo
+from cell.gap.verdict.accept import Change, accept, undo
 from cell.interface.handover import export_fit
 from tests.support.fit_folders import write_mechanism_fit
 from tests.support.mechanisms import ARM, FORWARD, make_arm, opened
@@ -81,11 +81,14 @@ def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(
 
 
 def test_what_mjcf_cannot_say_stays_in_the_file_and_undo_takes_all_away(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arm, file, runs = accepted_arm(tmp_path / "arm")
     before, model = file.read_text(), (file.parent / "arm.xml").read_bytes()
     write_mechanism_fit(tmp_path / "out", file, arm, BASE, NAMED | RIG)
+    changed, check = list[str](), Change.check
+    noted = lambda change: changed.append(change.path.name) or check(change)  # noqa: E731
+    monkeypatch.setattr(Change, "check", noted)
     accept(tmp_path / "out", file)
     content = yaml.safe_load(file.read_text())
     assert (content["effects"], content["model"]) == (RIG, "arm-accepted.xml")
@@ -95,6 +98,8 @@ def test_what_mjcf_cannot_say_stays_in_the_file_and_undo_takes_all_away(
     assert starts["damping_shoulder"] == BASE["damping_shoulder"]
     assert starts["mass_lower"] == BASE["mass_lower"] + NAMED["payload"]["mass"]
     undo(tmp_path / "out", file)
+    there = [content["model"], file.name]  # a file names no model that is not there
+    assert changed == [*there, *there[::-1]]
     assert file.read_text() == before
     assert not (file.parent / content["model"]).exists()
 
