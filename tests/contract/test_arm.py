@@ -107,9 +107,8 @@ def test_move_to_where_the_arm_is_ends_at_once(bench, arm) -> None:
 )
 def test_pose_out_of_reach_is_refused_and_nothing_moves(bench, arm, bad) -> None:
     before = arm.state().commanded
-    with pytest.raises(Fault, match=r"is out of reach; allowed: \S+ to \S+ ") as told:
+    with pytest.raises(Fault, match=r"is out of reach; allowed: \S+ to \S+ "):
         arm.move_to(bad)
-    assert told.value.name == "outside_workspace"
     assert not wait(bench, 0.1).moving
     assert near(arm.state().commanded, before, 1e-9)
 

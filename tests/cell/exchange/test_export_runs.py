@@ -5,14 +5,12 @@ bit.
 import shutil
 from dataclasses import asdict
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cell.record.exchange.export_runs import Format, export_runs
 from cell.record.exchange.import_runs import import_runs
-from cell.record.exchange.lerobot import _newest_images
 from cell.record.files import EVENTS
 from cell.record.film import FilmWriter
 from cell.record.frames import FrameWriter
@@ -56,12 +54,6 @@ def test_exported_runs_come_back_bit_for_bit(
         if kind == "lerobot":
             stamps = [list(run.film_stamps().values()) for run in (was, now)]
             assert np.allclose(*stamps, atol=0.0101)  # s, between two rows
-
-
-def test_an_image_that_is_taken_at_a_row_is_its_newest() -> None:
-    run = SimpleNamespace(ticks=SimpleNamespace(t=np.array([0.0, 0.1, 0.2])))
-    run.film_stamps = lambda: {4: 0.0, 7: 0.1}
-    assert _newest_images(run) == [4, 7, 7]
 
 
 def test_runs_of_two_strips_are_exported_where_each_states_its_own(

@@ -2,18 +2,15 @@
 taken back.
 """
 
-import itertools
 from dataclasses import replace
 from pathlib import Path
 from shutil import copy
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cell.gap.subject.strip.subject import patch_file
 from cell.gap.subject.subject import Scope
-from cell.gap.verdict import offered_law
 from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.fit_folder import StoredLaw
 from drivers.base.errors import ConfigurationError
@@ -145,13 +142,3 @@ def test_a_law_that_no_engine_knows_or_no_strip_has_is_refused(
     edit_yaml(file, law=law)
     with pytest.raises(ConfigurationError, match="law"):
         load_strip(file)
-
-
-@pytest.mark.parametrize("turns", [0, 3])
-def test_a_law_is_stable_where_each_of_its_terms_is(monkeypatch, turns: int) -> None:
-    signs = itertools.chain([-1.0] * turns, itertools.repeat(1.0))
-    halves = lambda *_: (np.array([0.0, 1.0, next(signs)]),)  # noqa: E731
-    monkeypatch.setattr(offered_law, "on_runs", halves)
-    law = SimpleNamespace(model=SimpleNamespace(base=["slope"]), residuals=[0.0] * 4)
-    law.shared = np.array([0.0, 1.0, 1.0])
-    assert offered_law._stable(law) == (turns == 0)

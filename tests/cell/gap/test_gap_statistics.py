@@ -1,15 +1,12 @@
 """The gap workflow's statistics against textbook values and known processes."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
-from scipy.stats import chi2
 
 from cell.gap.fitting import robust
 from cell.gap.fitting.normal_equations import NormalEquations
-from cell.gap.selection.likelihood import LikelihoodScale, holm, likelihood_ratio_p
+from cell.gap.selection.likelihood import holm
 from cell.gap.subject.subject import FitRun, Samples, Series
 
 
@@ -30,16 +27,6 @@ def test_holm_probabilities_are_the_textbook_ones() -> None:
     assert holm({"a": 0.01, "b": 0.04, "c": 0.03, "d": 0.005}) == pytest.approx(
         textbook
     )
-
-
-def test_the_likelihood_ratio_has_its_textbook_probability() -> None:
-    fits = (
-        SimpleNamespace(stacked_residuals=np.full(40, residual), shared=[0.0] * count)
-        for count, residual in ((5, 1.0), (3, 1.5))
-    )
-    model, part = (SimpleNamespace(estimate=fit) for fit in fits)
-    p = likelihood_ratio_p(model, part, LikelihoodScale(2.0, 1.25))
-    assert p == pytest.approx(chi2.sf(10.0, 2))
 
 
 def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:

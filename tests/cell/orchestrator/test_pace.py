@@ -141,13 +141,6 @@ class Watch:
         """No event counts."""
 
 
-def test_arm_waits_at_the_first_image_that_repeats_the_one_before() -> None:
-    repeated = showing(identical=2)
-    assert slow_for_images(Drive(FAST), repeated, LIMITS) == STANDS
-    assert slow_for_images(MoveTo(PLACE), repeated, LIMITS) == Hold()
-    assert slow_for_images(CloseHand(), repeated, LIMITS) == CloseHand()
-
-
 @pytest.mark.parametrize("doubt", [{"doubtful_since": 9.99}, {"moved": 1}])
 def test_image_that_cannot_be_read_does_not_hold_the_arm(doubt) -> None:
     assert slow_for_images(Drive(FAST), showing(**doubt), LIMITS) == Drive(FAST)
