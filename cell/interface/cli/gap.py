@@ -33,7 +33,6 @@ from cell.interface.cli.options import (
     resumable,
 )
 from cell.interface.cli.output import (
-    busy,
     notice,
     print_json,
     print_table,
@@ -448,8 +447,7 @@ def replay(
     """
     from cell.interface.handover import replay as replay_runs
 
-    with busy("replaying the runs"):
-        found = replay_runs(runs, model, mjcf)
+    found = replay_runs(runs, model, mjcf)
     if as_json:
         print_json(asdict(found))
         return
@@ -459,7 +457,8 @@ def replay(
         for name in found.before
     ]
     print_table(("rms", "before", "after", "noise"), rows)
-    print("".join(f"not said: {each}\n" for each in found.not_said), end="")
+    for each in found.not_said:
+        print(f"not said: {each}")
 
 
 @gap.command()

@@ -268,16 +268,15 @@ class ChainStrip:
 
         Raises SimulationNotFinite when the simulation diverges.
         """
-        state = self._data
         start = self._grip.pose
         h = dt / parts
         self._pace(h)
         for part in range(1, parts + 1):
             grip = self._grip.to(start + (pose - start) * (part / parts), h)
-            self._foreign.clear(self._model, state, h)
-            self._loads.update(state, h)
-            self._ends.update(self._model, state)
-            self._foreign.add(self._model, state, self._time, h)
+            self._foreign.clear(self._model, self._data, h)
+            self._loads.update(self._data, h)
+            self._ends.update(self._model, self._data)
+            self._foreign.add(self._model, self._data, self._time, h)
             if self.touch is None:
                 self._step_until_touch(grip, h)
             else:
@@ -315,9 +314,7 @@ class ChainStrip:
         """Advance by a step; if layers touch in it, repeat the step with solid
         layers.
         """
-        state = self._data
-        mujoco_model = self._model
-        mujoco.mj_getState(mujoco_model, state, self._state, STATE_SPEC)
+        mujoco.mj_getState(self._model, self._data, self._state, STATE_SPEC)
         before = self._gap
         self._step(grip, h)
         strip = self._description.mechanics
@@ -329,12 +326,12 @@ class ChainStrip:
             self.touch = Touch.in_shape(
                 self._time + share * h, x, s, self.arc, self.points
             )
-            layers = Layers.from_angles(self._joints.angles(state.qpos)[:-1])
+            layers = Layers.from_angles(self._joints.angles(self._data.qpos)[:-1])
             self._use_model(compile_chain(self._description, self._links, layers))
             self._pace(h)
-            self._foreign.restore_damping(mujoco_model)
-            mujoco.mj_setState(mujoco_model, state, self._state, STATE_SPEC)
-            self._ends.apply(mujoco_model, state)
+            self._foreign.restore_damping(self._model)
+            mujoco.mj_setState(self._model, self._data, self._state, STATE_SPEC)
+            self._ends.apply(self._model, self._data)
             self._step(grip, h)
 
     def _step(self, grip: CommandedGrip, h: float) -> None:
