@@ -19,7 +19,14 @@ from cell.report.drawing import MUTED, as_svg, canvas
 from cell.report.figures import drawings
 from cell.report.html import Link, jpeg_text, page
 from cell.report.overlay import ShownImages
-from cell.report.page import film_of, flatten, setting_text, stated_settings, truth_of
+from cell.report.page import (
+    Rows,
+    film_of,
+    flatten,
+    setting_text,
+    stated_settings,
+    truth_of,
+)
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import NO_VALUE, PARAMETERS, millimetres, plain, plural, seconds
 from drivers.base.errors import ConfigurationError
@@ -85,12 +92,16 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
     return out
 
 
-def write_imported(folders: Sequence[Path], out: Path) -> Path:
-    """Write the HTML page that draws the imported runs in `folders` to `out`; returns
-    `out`.
+def write_imported(
+    folders: Sequence[Path], summaries: Rows, advice: str, out: Path
+) -> Path:
+    """Write the HTML page that draws the imported runs in `folders` to `out`, with
+    `summaries` (name, text) of them and `advice` on what to do next; returns `out`.
     """
     title = f"{plural(len(folders), 'run')} imported"
-    text = page("report/templates/imported.html", title, runs=drawings(folders))
+    said = PageVerdict("good", title, (f"Next: {advice}.",))
+    facts = {"said": said, "summaries": summaries, "runs": drawings(folders)}
+    text = page("report/templates/imported.html", title, **facts)
     write_output(out, text)
     return out
 

@@ -76,23 +76,28 @@ def import_runs(
 
 def _print_imported(made: Sequence[Path], out: Path, model: Path | None) -> None:
     """Print the runs `made` in the folder `out`, and what to do with them."""
-    for folder in made:
-        print(f"{folder.name}: {_summary(folder)}")
+    summaries = [(folder.name, _summary(folder)) for folder in made]
+    for name, summary in summaries:
+        print(f"{name}: {summary}")
     count = len(runs_in(out))
     print(f"{plural(count, 'run')} in {out}")
-    of = ("--model", str(model))
+
+    of = "--model", str(model)
     if model is None:
         from cell.record.run import read_run
-        from cell.report.runs_page import write_imported
 
-        print(f"  {write_imported(made, out / 'imported.html')}")
-        of = ("--strip", read_run(made[0]).header.strip)
+        of = "--strip", read_run(made[0]).header.strip
     words = ("cell", "gap", "check", str(out), *of, "--out", f"{out}-check")
-    advice = shlex.join(words)
+    advice = f"`{shlex.join(words)}`"
     if count == 1:
         advice = f"import a second run into {out}, better ten: a verdict needs some"
         advice = f"{advice} to test it"
-    print(f"next: {advice}")
+    if model is None:
+        from cell.report.runs_page import write_imported
+
+        page = write_imported(made, summaries, advice, out / "imported.html")
+        print(f"  {page}")
+    print(f"next: {advice.strip('`')}")
 
 
 def _propose(paths: list[Path], target: Path, strip: str | None, found: Found) -> None:

@@ -59,8 +59,13 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     assert "a: 2.99 s; 72 images, touch at 2.80 s\n1 run in" in done.stdout
     assert "next: import a second run into" in done.stdout
     page = (tmp_path / "runs" / "imported.html").read_text()
-    assert "Not recorded: commands" in page
-    assert "side view of the strip" in page
+    for claim in (
+        "Not recorded: commands",
+        "side view of the strip",
+        "Next: import a second run into",
+        "touch at 2.80",
+    ):
+        assert claim in page, claim
     assert "off x 0.6, z 0 m by 0.012, at most 0.006 is usual" in done.stderr
     assert "is there already" in str(invoke(words).exception)
 
