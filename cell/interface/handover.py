@@ -99,6 +99,7 @@ def _export_ranges(
         "fit": fit.resolve().name,
         "verdict": verdict.verdict,
         "not_said": [APART],
+        "units": "SI where none is stated",
         "ranges": [{"parameter": n, **v.model_dump()} for n, v in values.items()],
     }
     with new_folder(out) as folder:

@@ -59,7 +59,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
         effects=[e for e in effects if e.name in decision.named],
         ambiguous=[] if is_sound else [[*group] for group in tests.classes],
         unexplained=_unexplained(findings),
-        base=values["base"],
+        base={n: v.model_copy(update={"unit": ""}) for n, v in values["base"].items()},
         where=significant(findings.places)[:MOST_PLACES],
         gap=_gap(findings),
         candidates=_candidates(findings),

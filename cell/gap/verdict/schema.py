@@ -51,7 +51,8 @@ class Interval(VerdictPart):
     value: float
     low: float | None
     high: float | None
-    unit: str = ""
+    # that of a value of the base is the file's, SI
+    unit: str = Field("", exclude_if=lambda unit: unit == "")
 
     def __str__(self) -> str:
         """Text of the value with its unit, if any, and its interval."""
