@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Generator
 from dataclasses import asdict
-from math import isfinite, nan, sqrt
+from math import inf, isfinite, nan, sqrt
 
 import numpy as np
 
@@ -331,9 +331,10 @@ def _push(
 
     The fold rolls on after the touch, so that the upper layer is too long; a push rolls
     it back while the layer lies flat. One that bows up passes little on: it is pulled
-    flat, and pushed again. Nothing slides on release: friction holds what lies.
+    flat, and pushed again, unless that draws the fold along: then a push comes less
+    near. Nothing slides on release: friction holds what lies.
     """
-    pushed, pulls = 0.0, 0
+    pushed, pulls, nearest = 0.0, 0, inf
     beyond = first = yield from _seen_beyond(given, plan, snapshot.arm.pose)
     while beyond > ALIGNED and pushed < fold_path.PUSH and pulls < MOST_PULLS:
         step = min(beyond, fold_path.PUSH - pushed)
@@ -341,6 +342,9 @@ def _push(
         pushed += step
         snapshot, beyond = yield from _held_at(given, plan, record, pushed)
         bow = step - (before - beyond)
+        if beyond > nearest + ALIGNED:
+            break
+        nearest = beyond
         if beyond > ALIGNED and bow > step / 2:
             pulls += 1
             pushed -= bow + TAUT

@@ -159,8 +159,7 @@ def test_the_folder_of_a_fold_is_small(secret: Folded) -> None:
     drawn = {REPORT, RECORDING}  # once it is looked at
     files = [path for path in Path(secret.result.run).rglob("*") if path.is_file()]
     kept = [path.stat().st_size for path in files if path.name not in drawn]
-    # a layer that is pushed, pulled and pushed again is filmed for longer
-    assert sum(kept) < 6e6
+    assert sum(kept) < 5e6
 
 
 def test_a_run_holds_nothing_of_the_plant_but_its_hash(secret: Folded) -> None:

@@ -126,6 +126,7 @@ def test_edge_is_let_go_before_the_hand_leaves_straight_up(monkeypatch) -> None:
         ([0.004, 0.0], [0.004]),
         ([0.004, 0.002, -0.001], [0.004, 0.006]),  # half of a push is passed on
         ([0.004, 0.004, 0.003, 0.0], [0.004, -0.002, 0.001]),  # it bows up, is pulled
+        ([0.004, 0.003, 0.006, 0.004], [0.004, -0.001, 0.005]),  # the fold is drawn
         ([0.004, math.nan], [0.004]),
     ],
 )
