@@ -311,7 +311,7 @@ def follow_lay(plan: fold_path.LayPlan, speed: float, begin: Snapshot) -> steps.
             return (yield from steps.move(plan.held()))
         snapshot = yield steps.drive(decision, _upright(pose))
         left = path.length - float(follower.progress[0])
-        pace = min(speed, max(CREEP, sqrt(2 * BRAKING * max(left, 0.0))))
+        pace = min(speed, max(CREEP, sqrt(2 * BRAKING * left)))
 
 
 def _upright(pose: Pose) -> float:
@@ -335,7 +335,7 @@ def _push(
     near. Nothing slides on release: friction holds what lies.
     """
     pushed, pulls, nearest = 0.0, 0, inf
-    beyond = first = yield from _seen_beyond(given, plan, snapshot.arm.pose)
+    beyond = first = yield from _seen_beyond(given, plan, snapshot)
     while beyond > ALIGNED and pushed < fold_path.PUSH and pulls < MOST_PULLS:
         step = min(beyond, fold_path.PUSH - pushed)
         before = beyond
@@ -361,18 +361,18 @@ def _held_at(
     would then lie beyond its place.
     """
     snapshot = yield from steps.move(plan.held(pushed))
-    beyond = yield from _seen_beyond(given, plan, snapshot.arm.pose)
+    beyond = yield from _seen_beyond(given, plan, snapshot)
     record.event(snapshot.time, "pushed", by=pushed, beyond=beyond)
     return snapshot, beyond
 
 
 def _seen_beyond(
-    given: FoldInputs, plan: fold_path.LayPlan, gripper: Pose
+    given: FoldInputs, plan: fold_path.LayPlan, held: Snapshot
 ) -> Generator[Command, Snapshot, float]:
-    """How far [m] beyond its place the edge held by the `gripper` would lie, let go;
-    NaN where no loop is seen.
+    """How far [m] beyond its place the edge would lie, let go where it is `held`; NaN
+    where no loop is seen.
     """
-    seen = yield from _lying_strip(given.reader, gripper)
+    seen = yield from _lying_strip(given.reader, held.arm.pose)
     loop = None if seen is None else Loop.seen_in(seen)
     if loop is None:
         return nan

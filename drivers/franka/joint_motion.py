@@ -415,8 +415,8 @@ class HandMotion:
         commanded = self._commanded
         before = commanded.seconds
         commanded.update(state)
-        ticks = round((commanded.seconds - before) / TICK)
-        self._lost += ticks - 1 + commanded.stands
+        elapsed = commanded.seconds - before
+        self._lost += round(elapsed / TICK) - 1 + commanded.stands
 
 
 def _largest_difference(

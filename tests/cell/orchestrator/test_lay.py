@@ -57,7 +57,7 @@ def test_lay_ends_slowly_at_its_end_with_the_hand_upright(
     assert max(speeds) <= SPEED + 1e-9
     # m, in which it could stop after one more tick
     assert speeds[-1] ** 2 / (2 * BRAKING) < 1e-3 + TICK * speeds[-1]
-    assert [v.pitch_rate for v in told] == pytest.approx(len(told) * [0.0])
+    assert {v.pitch_rate for v in told} == {0.0}
     assert all(v.vz < 0.0 for v in told)
     assert end.z == pytest.approx(REST, abs=1e-3)
 
@@ -124,7 +124,6 @@ def test_edge_is_let_go_before_the_hand_leaves_straight_up(monkeypatch) -> None:
     ("seen", "pushed"),
     [
         ([0.004, 0.0], [0.004]),
-        ([0.004, 0.002, -0.001], [0.004, 0.006]),  # half of a push is passed on
         ([0.004, 0.004, 0.003, 0.0], [0.004, -0.002, 0.001]),  # it bows up, is pulled
         ([0.004, 0.003, 0.006, 0.004], [0.004, -0.001, 0.005]),  # the fold is drawn
         ([0.004, math.nan], [0.004]),
