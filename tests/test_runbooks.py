@@ -45,7 +45,7 @@ PLAYED = {
     "cell fold --strip denim --plant denim --policy planned --seed 21": {},
     "cell fold --strip denim --policy planned --dry-run": {},
     "cell strips new felt --length 0.6 --width 0.05 --areal-density 0.31": {},
-    "cell calibrate camera --measured 252.0": {},
+    "cell calibrate camera --measured 252.0mm": {},
     "cell calibrate camera --resume DIR": {"DIR": LENS},
     "cell calibrate camera --from DIR --without 7 --out NEW": {"DIR": LENS},
     "cell calibrate homography --use": {},
