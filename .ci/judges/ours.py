@@ -46,16 +46,16 @@ def swing() -> np.ndarray:
     free = batch._replace(last=SEGMENTS + 1)
     shapes = np.full((SWING_STEPS // 10, *batch.arc.shape, 2), np.nan)
     observed = np.zeros((SWING_STEPS, 1, at.OBSERVABLE_COUNT))
-    poses = np.repeat(batch.held[None], SWING_STEPS, axis=0)
+    poses = np.repeat(batch.grip[None], SWING_STEPS, axis=0)
     step_along(free, poses, Output(observed, shapes, 10), Pace(0.0, 1e-3, 1.0, 1.0))
     return shapes[:, 0, -1]
 
 
-def fold(run: Run) -> dict[str, np.ndarray]:
+def fold(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """Commanded poses (k, 3) [m, m, rad] up to the touch, FOLD_STEP apart, and shapes
     (k, n, 2) [m] of the twin's chain along them.
     """
-    touch = run.result and run.result.t_layer_touch
+    touch = None if run.result is None else run.result.t_layer_touch
     if touch is None:
         raise SystemExit("wanting: a fold that ended with a touch")
     t = np.arange(0.0, touch - BEFORE_TOUCH, FOLD_STEP)
@@ -69,7 +69,7 @@ def fold(run: Run) -> dict[str, np.ndarray]:
     for pose in poses[1:]:
         chain.step(pose[None], FOLD_STEP)
         shapes.append(chain.shapes()[0].copy())
-    return {"poses": poses, "shapes": np.array(shapes)}
+    return poses, np.array(shapes)
 
 
 def frames(run: Run) -> np.ndarray:
@@ -88,7 +88,8 @@ def main() -> None:
     strip = find_configs(None).strip(run.header.strip)
     export_strips([SWING, strip], "mjcf", out / "mjcf")
     np.save(out / "swing.npy", swing())
-    np.savez(out / "fold.npz", **fold(run))
+    poses, shapes = fold(run)
+    np.savez(out / "fold.npz", poses=poses, shapes=shapes)
     np.save(out / "frames.npy", frames(run))
     until = run.ticks.t < 3.0
     path = (run.ticks.t[until], run.ticks.x[until], run.ticks.z[until])
