@@ -224,8 +224,10 @@ def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
     width, height = PAPERS[sheet]
     page, axes = _blank_page(width, height)
     square = 1e3 * settings.square  # mm
-    wide, high = settings.columns * square, settings.rows * square
-    left, top = (width - wide) / 2, height - QUIET_ZONE * square
+    wide = settings.columns * square
+    high = settings.rows * square
+    left = (width - wide) / 2
+    top = height - QUIET_ZONE * square
     bottom = top - high
     pixels = (settings.columns * SQUARE_PX, settings.rows * SQUARE_PX)
     pattern = settings.board().generateImage(pixels)
@@ -344,7 +346,8 @@ def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
     if cv2.contourArea(outline) < ROUND * np.pi * (radius - 0.5) ** 2:
         return None
 
-    column, row = round(u), round(v)
+    column = round(u)
+    row = round(v)
     reach = int(np.ceil(WINDOW_REACH * radius)) + 2
     window = grey[
         max(row - reach, 0) : row + reach + 1,

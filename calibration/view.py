@@ -186,7 +186,8 @@ class PinnedView:
             shifts, scores = self._find(image, clear, np.rint(predicted), reach)
             found = scores > 0
             positions = self.corners[found] + PATCH_SIZE / 2
-            shifts, scores = shifts[found], scores[found]
+            shifts = shifts[found]
+            scores = scores[found]
             slack = _slack(shifts)
             weights = _weights(self.patches[found], self.tensors[found], scores, slack)
             motion = _common_motion(positions, self.size, shifts, weights, slack)
@@ -205,8 +206,10 @@ class PinnedView:
         scores = np.zeros(len(shifts))
         first = (self.corners + predicted).astype(int)
         for i, (u, v) in enumerate(first.tolist()):
-            left, top = max(u - radius, 0), max(v - radius, 0)
-            right, bottom = u + PATCH_SIZE + radius, v + PATCH_SIZE + radius
+            left = max(u - radius, 0)
+            top = max(v - radius, 0)
+            right = u + PATCH_SIZE + radius
+            bottom = v + PATCH_SIZE + radius
             window = image[top : max(bottom, 0), left : max(right, 0)]
             if min(window.shape[:2]) < PATCH_SIZE:
                 continue
@@ -318,7 +321,8 @@ def _design(positions: Array, size: tuple[int, int]) -> Array:
     of a motion.
     """
     x, y = (2.0 * (positions - np.array(size) / 2) / size[0]).T
-    one, none = np.ones_like(x), np.zeros_like(x)
+    one = np.ones_like(x)
+    none = np.zeros_like(x)
     design: Array = np.stack([[one, none, x, -y], [none, one, y, x]])
     return np.moveaxis(design, 2, 0)
 

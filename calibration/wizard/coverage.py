@@ -61,7 +61,8 @@ def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, .
     """
     far, near = sizes
     right, left, high, low = 0.84, 0.16, 0.27, 0.73
-    half, most = 0.5 * lean, 0.8 * lean
+    half = 0.5 * lean
+    most = 0.8 * lean
     return (
         WantedView(0.5, 0.5, near),
         WantedView(left, high, near, tilt=half, turn=half),

@@ -150,7 +150,8 @@ def lens_verdict(
     """
     numbers = sorted(views, key=lambda number: tuple(views[number].image.mean(axis=0)))
     ordered = [views[number] for number in numbers]
-    count, least = len(ordered), 2 * MINIMUM_VIEWS
+    count = len(ordered)
+    least = 2 * MINIMUM_VIEWS
     if count < least:
         reason = f"{count} views, at least {least} are needed; show more"
         return LensVerdict(views=count, reasons=(reason,))
@@ -296,7 +297,8 @@ def _largest_difference(one: Lens, other: Lens) -> float:
     """Largest difference [px] of two lenses over the image, after the best plane
     homography.
     """
-    across, down = np.linspace(0.02, 0.98, 12), np.linspace(0.02, 0.98, 8)
+    across = np.linspace(0.02, 0.98, 12)
+    down = np.linspace(0.02, 0.98, 8)
     grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
     pixels = grid * (one.width, one.height)
     by_one = one.undistort(pixels)

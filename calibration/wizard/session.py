@@ -136,7 +136,8 @@ def _resumed(folder: Path, now: SessionFile) -> SessionFile:
     """
     stored = read_session(folder, now.kind)
     for key in ("camera", "image", "locks", "boards", "touches", "latency", "lens"):
-        before, today = getattr(stored, key), getattr(now, key)
+        before = getattr(stored, key)
+        today = getattr(now, key)
         if before != today:
             raise ConfigurationError(
                 f"--resume: {folder / SESSION_FILE}: {key}: is {before}, here it is"

@@ -204,7 +204,8 @@ class TouchedPoints:
             error = self._error(point, verdict)
             replaced = point.number in verdict.wild and not point.again
             if replaced or point.number in verdict.rejected:
-                kind, error = MarkKind.WILD, None
+                kind = MarkKind.WILD
+                error = None
             marks.append(Mark(point.pixel, kind, str(point.number), error))
         return tuple(marks)
 

@@ -71,8 +71,10 @@ def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
     """Poses of the pointer that check a calibration: corners and middle of the work
     area.
     """
-    left, right = settings.x_min, settings.x_max
-    low, high = settings.z_min, settings.z_max
+    left = settings.x_min
+    right = settings.x_max
+    low = settings.z_min
+    high = settings.z_max
     middle = ((left + right) / 2, (low + high) / 2)
     positions = [(left, low), (right, low), middle, (right, high), (left, high)]
     return tuple(Pose(x, z, pi / 2) for x, z in positions)

@@ -110,7 +110,8 @@ def predict(
     Raises PreflightRefused, with every problem, for one that `fold` would refuse.
     """
     config = find_configs(configs)
-    cell, lying = config.cell(), config.strip(strip)
+    cell = config.cell()
+    lying = config.strip(strip)
     line = line_at("at", () if at is None else (at,), lying.length)
     asked = Request(cell, lying, policy, Path("runs"), speed=speed, at=line)
     (request,) = _prepared(asked)

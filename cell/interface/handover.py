@@ -64,7 +64,8 @@ def _export_mechanism(
 ) -> dict[Path, tuple[str, ...]]:
     """Write the plain model of a mechanism, and the meshes that it names."""
     text = read_text(fit / str(files.plain), LARGEST_MODEL)
-    file, origin = load(fit / files.subject, MechanismFile), Path(record.file)
+    file = load(fit / files.subject, MechanismFile)
+    origin = Path(record.file)
     model = model_place(file, origin)
     source = with_assets(ModelSource(text, model.parent, origin.parent), f"{model}")
     with new_folder(out) as folder:

@@ -124,7 +124,8 @@ class Clip:
         if face is None or not SMALLEST < face.area / self.face.area < LARGEST:
             return None
         pitch = face.axis - self.face.axis
-        cosine, sine = np.cos(pitch), np.sin(pitch)
+        cosine = np.cos(pitch)
+        sine = np.sin(pitch)
         turn = np.array([(cosine, -sine), (sine, cosine)])
         x, z = (face.front - turn @ self.face.front).tolist()
         return Pose(x, z, pitch)

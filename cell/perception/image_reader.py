@@ -76,7 +76,8 @@ class Measurer:
         """Check the image taken before the grasp, and learn the strip's colours from
         it.
         """
-        calibration, strip = self._inputs.calibration, self._inputs.strip
+        calibration = self._inputs.calibration
+        strip = self._inputs.strip
         inspection = inspect(frame, calibration, strip)
         appearance = inspection.appearance
         if appearance is None:

@@ -129,7 +129,8 @@ def patch_brightness(
     patches = np.empty(shape, np.float32)
     for i in range(shape[0]):
         for j in range(shape[1]):
-            row, column = corner[1] + PATCH_PX * i, corner[0] + PATCH_PX * j
+            row = corner[1] + PATCH_PX * i
+            column = corner[0] + PATCH_PX * j
             patches[i, j] = _patch_brightness(image, row, column)
     return patches
 
@@ -175,7 +176,8 @@ def changed_cells(
         )
         differences = np.zeros(whole_columns, np.int32)
         for v in compared_rows:
-            pixels, scene = image[v, 3 * left :], background[v, 3 * left :]
+            pixels = image[v, 3 * left :]
+            scene = background[v, 3 * left :]
             _add_differences(pixels, scene, light[i], differences)
         threshold = limit * EVEN_LIGHT * 3 * CELL_PX * len(compared_rows)
         changed[i, :whole_columns] = differences > threshold
@@ -191,9 +193,12 @@ def _light_at(light: Floats, v: int, u: int) -> Any:
     """
     y = (v + 0.5) / CELL_PX + 0.5
     x = (u + 0.5) / CELL_PX + 0.5
-    i, j = int(y), int(x)
-    down, right = np.float32(y - i), np.float32(x - j)
-    upper, lower = light[i], light[i + 1]
+    i = int(y)
+    j = int(x)
+    down = np.float32(y - i)
+    right = np.float32(x - j)
+    upper = light[i]
+    lower = light[i + 1]
     above = upper[j] + right * (upper[j + 1] - upper[j])
     below = lower[j] + right * (lower[j + 1] - lower[j])
     return above + down * (below - above)
@@ -230,12 +235,18 @@ def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> N
     does not resemble. Without branches in the inner loop, so that it is compiled to
     vectors of pixels.
     """
-    over_b, over_g, over_r = pixels[0], pixels[1], pixels[2]
-    back_b, back_g, back_r = pixels[3], pixels[4], pixels[5]
+    over_b = pixels[0]
+    over_g = pixels[1]
+    over_r = pixels[2]
+    back_b = pixels[3]
+    back_g = pixels[4]
+    back_r = pixels[5]
     shade = pixels[6]
     shares[:] = 0
     for k in range(len(colours)):
-        b, g, r = colours[k, 0], colours[k, 1], colours[k, 2]
+        b = colours[k, 0]
+        g = colours[k, 1]
+        r = colours[k, 2]
         strip_strip = b * b + g * g + r * r
         for n in range(CELL_PX * CELL_PX):
             scene_scene = (

@@ -190,7 +190,8 @@ def _closing_time(
     if speed <= 0:
         return None
 
-    (t_before, t_after), (before, after) = t[last : last + 2], gap[last : last + 2]
+    t_before, t_after = t[last : last + 2]
+    before, after = gap[last : last + 2]
     closed = t_before + (before - end) / speed
     latest = t_after + max(after - end, 0.0) / speed
     return float(min(closed, latest)), speed

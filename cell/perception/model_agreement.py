@@ -63,7 +63,8 @@ class MeasuredFold(NamedTuple):
         for i in range(BINS):
             inside = bins == i
             if np.count_nonzero(inside) >= FEWEST_IMAGES:
-                rows, t = curves[inside], self.stamp[inside]
+                rows = curves[inside]
+                t = self.stamp[inside]
                 t = t - t.mean()
                 rate = np.tensordot(t, rows, axes=1) / (t @ t)
                 means[i] = np.median(rows - t[:, None, None] * rate, axis=0)

@@ -44,7 +44,8 @@ class Sizes:
         is.
         """
         lens = calibration.lens
-        u, v = lens.width / 2, lens.height / 2
+        u = lens.width / 2
+        v = lens.height / 2
         pixel, following = calibration.to_plane(np.array([(u, v), (u + 1, v)]))
         scale = float(np.hypot(*(following - pixel)))
         return cls(
@@ -160,7 +161,8 @@ def strip_zone(calibration: Calibration, length: float, low: float = -BELOW) -> 
     """Mask (height, width), 255 where a strip of `length` [m] can lie, or hang above
     `low` [m].
     """
-    left, right = STRIP_START, length + BEYOND
+    left = STRIP_START
+    right = length + BEYOND
     corners = [(left, low), (right, low), (right, length), (left, length)]
     return _fill(calibration, np.array(corners))
 

@@ -182,7 +182,8 @@ def resting_line(seen: Underside) -> Array:
     """Fit the resting midline's height [m] by a polynomial (DEGREE + 1,) of x, robust
     to a bump.
     """
-    x, z = seen.x[seen.present], seen.z[seen.present]
+    x = seen.x[seen.present]
+    z = seen.z[seen.present]
     kept = np.ones(len(x), dtype=bool)
     fit: Array = np.zeros(DEGREE + 1)
     for _ in range(3):

@@ -182,7 +182,8 @@ def _learn_background(
     height, width = image.shape[:2]
     x = np.linspace(0.0, resting.length + END_MARGIN, 60)
     on_desk, _ = _image_line(calibration, x, 0.0)
-    left, right = max(int(on_desk[0]), 0), min(int(on_desk[-1]) + 1, width - 1)
+    left = max(int(on_desk[0]), 0)
+    right = min(int(on_desk[-1]) + 1, width - 1)
     columns = np.arange(left, right)
     top = np.interp(columns, *_image_line(calibration, x, resting.high))
     bottom = np.interp(columns, *_image_line(calibration, x, resting.low))
@@ -282,7 +283,8 @@ class Segmenter:
             self.smooth**2,
         )
 
-        height, width = part.bottom - part.top, part.right - part.left
+        height = part.bottom - part.top
+        width = part.right - part.left
         clear = visible[top : top + height, left : left + width]
         shown = cv2.min(levels[:height, :width], clear)
         return cv2.max(shown, kernels.ZERO_LEVEL), part

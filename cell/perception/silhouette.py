@@ -238,7 +238,8 @@ def _closest(one: Outline, other: Outline) -> tuple[Outline, Outline]:
     """Nearest points (2,) [px] of two outlines, one of each, among every second
     point.
     """
-    a, b = one[::2], other[::2]
+    a = one[::2]
+    b = other[::2]
     u, v = (a[:, None] - b).transpose(2, 0, 1)
     distance = np.hypot(u, v)
     i, j = np.unravel_index(np.argmin(distance), distance.shape)

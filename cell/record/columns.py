@@ -271,7 +271,8 @@ def check_order(t: Array, origin: str, strictly: bool = True) -> None:
     if not wrong.size:
         return
     before = int(wrong[0])
-    row, step = before + 1, np.median(np.abs(steps))
+    row = before + 1
+    step = np.median(np.abs(steps))
     earlier, later = t[before : row + 1]
     uneven = np.diff(np.sort(t)).min() < 0.5 * step
     remedy = "sort the rows"

@@ -167,7 +167,8 @@ class Run:
         """Measurements of the strip in all images, as columns; empty where none are
         recorded.
         """
-        path, stream = self.folder / files.SIGHTS, self.folder / files.SIGHT_STREAM
+        path = self.folder / files.SIGHTS
+        stream = self.folder / files.SIGHT_STREAM
         if path.exists():
             return Sights.parse(read_parquet(path), str(path))
         if stream.exists():
@@ -178,7 +179,8 @@ class Run:
         """Measurements of the strip, one per image; profiles alone where no others are
         recorded.
         """
-        sights, curves = self.sights(), dict(self.profile.curves())
+        sights = self.sights()
+        curves = dict(self.profile.curves())
         if sights.stamp.size == 0:
             return [
                 StripMeasurement(stamp, 0, nan, 0.0, points, 1.0, (nan, nan), nan, nan)

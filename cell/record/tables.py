@@ -488,7 +488,8 @@ def column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
     if not indices:  # of a heading of several rows the last one may do
         indices = [i for i, each in enumerate(names) if each.endswith(f" {name}")]
     if (doubled := DOUBLED.fullmatch(name)) and not indices:
-        first, number = doubled[1], int(doubled[2])
+        first = doubled[1]
+        number = int(doubled[2])
         indices = [index for index, each in enumerate(names) if each == first]
         indices = indices[number - 1 : number]
     if len(indices) != 1:

@@ -159,7 +159,8 @@ class RunWriter:
         )
         with self._recording():
             self._close_streams()
-        folder, failure = self.folder, self._frames.film_failure
+        folder = self.folder
+        failure = self._frames.film_failure
         if failure:
             self.describe(film=failure)
         with self._recording():

@@ -116,7 +116,8 @@ def _typing_errors(typed: str, meant: str) -> int:
 
     No letter is changed twice, which makes it the optimal string alignment.
     """
-    before, last = list[int](), list(range(len(meant) + 1))
+    before = list[int]()
+    last = list(range(len(meant) + 1))
     for i, letter in enumerate(typed, start=1):
         row = [i]
         for j, other in enumerate(meant, start=1):

@@ -28,7 +28,8 @@ class CellInRobot:
         """Transform of a cell frame with origin (x, y, z) [m] and its x-axis at `yaw`
         [rad].
         """
-        c, s = np.cos(yaw), np.sin(yaw)
+        c = np.cos(yaw)
+        s = np.sin(yaw)
         return cls(
             np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1.0]])
         )
@@ -45,7 +46,8 @@ class CellInRobot:
         rotates the hand by half a turn about its approach axis.
         """
         side = -1.0 if turned else 1.0
-        c, s = cos(pitch - np.pi / 2), sin(pitch - np.pi / 2)
+        c = cos(pitch - np.pi / 2)
+        s = sin(pitch - np.pi / 2)
         in_cell = np.array(
             [
                 [0, -side * c, s, x - EDGE_AHEAD * s],

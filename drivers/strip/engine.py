@@ -37,7 +37,8 @@ class Touch:
         """Touch at `x` and arc length `s` [m] of a `midline` (n, 2) with nodes at `arc`
         (n,).
         """
-        along, at_rest = arc_lengths(midline), float(arc[-1]) - s
+        along = arc_lengths(midline)
+        at_rest = float(arc[-1]) - s
         extension = float(along[-1] - np.interp(s, arc, along)) - at_rest
         return cls(time, x, at_rest, x - float(midline[0, 0]), extension)
 

@@ -174,7 +174,8 @@ def _refine_tip(x: Any, z: Any, j: int) -> Any:
         return x[j], z[j]
     offset = _vertex(x[j - 1], x[j], x[j + 1])
     tip_x = x[j] - 0.25 * (x[j - 1] - x[j + 1]) * offset
-    slope, bend = 0.5 * (z[j + 1] - z[j - 1]), z[j - 1] - 2 * z[j] + z[j + 1]
+    slope = 0.5 * (z[j + 1] - z[j - 1])
+    bend = z[j - 1] - 2 * z[j] + z[j + 1]
     return tip_x, z[j] + offset * slope + 0.5 * offset**2 * bend
 
 
@@ -198,10 +199,13 @@ def _narrowest_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
     gap.
     """
     last = len(x) - 1
-    best, position = math.inf, 0.0
+    best = math.inf
+    position = 0.0
     if tip < SHORTEST_LAYERS[0] or last - tip + 1 < SHORTEST_LAYERS[1]:
         return best, position
-    opened, lowest, last_gap = False, math.inf, 0.0
+    opened = False
+    lowest = math.inf
+    last_gap = 0.0
     gap, k = _height_over_lower_layer(x, z, tip, tip - 1)
     for j in range(tip, last):
         next_gap, k = _height_over_lower_layer(x, z, j + 1, k)

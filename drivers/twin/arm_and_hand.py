@@ -187,7 +187,8 @@ class TwinArm:
         ticks = max(self._delay, 0.0) / TICK
         full_ticks = int(ticks)
         share = ticks - full_ticks
-        newer, older = self._history[-1 - full_ticks], self._history[-2 - full_ticks]
+        newer = self._history[-1 - full_ticks]
+        older = self._history[-2 - full_ticks]
         return [
             new + share * (old - new) for new, old in zip(newer, older, strict=True)
         ]

@@ -140,7 +140,8 @@ def _sample_print(
     """
     columns, rows = board.getChessboardSize()
     margin = round(QUIET_ZONE * scale)
-    width, height = columns * scale + 2 * margin, rows * scale + 2 * margin
+    width = columns * scale + 2 * margin
+    height = rows * scale + 2 * margin
     sheet = board.generateImage((width, height), marginSize=margin)
     u = (x + columns / 2) * scale + (margin - 0.5)
     v = (y + rows / 2) * scale + (margin - 0.5)

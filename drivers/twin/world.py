@@ -64,7 +64,8 @@ class History:
     def at(self, stamp: float) -> WorldState:
         """Scene at `stamp` [s]; Fault `world_unknown` where it is not in the buffer."""
         scenes = self._scenes
-        time, first = nanoseconds(stamp), nanoseconds(scenes[0].stamp)
+        time = nanoseconds(stamp)
+        first = nanoseconds(scenes[0].stamp)
         if not first <= time <= nanoseconds(self.newest.stamp):
             raise Fault(
                 "world_unknown",
@@ -128,14 +129,17 @@ class Grasp:
     def between(cls, hand: Pose, edge: Pose) -> Self:
         """Grasp of a hand at pose `hand` that has closed on an edge at pose `edge`."""
         pitch = hand.pitch
-        dx, dz = edge.x - hand.x, edge.z - hand.z
-        c, s = cos(pitch), sin(pitch)
+        dx = edge.x - hand.x
+        dz = edge.z - hand.z
+        c = cos(pitch)
+        s = sin(pitch)
         return cls(c * dx + s * dz, c * dz - s * dx, edge.pitch - pitch)
 
     def edge(self, hand: Pose) -> Pose:
         """Pose of the grasped strip edge while the hand is at the pose `hand`."""
         pitch = hand.pitch
-        c, s = cos(pitch), sin(pitch)
+        c = cos(pitch)
+        s = sin(pitch)
         return Pose(
             hand.x + c * self.along - s * self.across,
             hand.z + s * self.along + c * self.across,

@@ -193,7 +193,8 @@ class NewestFrame:
             capture.stamp, capture.flags, capture.taken
         )
         if middle - ahead < earliest:
-            middle, source = capture.taken, StampSource.DEQUEUE
+            middle = capture.taken
+            source = StampSource.DEQUEUE
         return StampedCapture(
             capture=capture,
             picture=setup.picture,

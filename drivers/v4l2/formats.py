@@ -154,7 +154,8 @@ def negotiate(device: Device, settings: V4l2Settings) -> PictureFormat:
     """
     request = abi.Format(type=abi.CAPTURE)
     pix = request.fmt.pix
-    pix.width, pix.height = settings.width, settings.height
+    pix.width = settings.width
+    pix.height = settings.height
     pix.pixelformat = abi.fourcc(settings.format)
     pix.field = abi.ANY_FIELD
     pix = device.call(abi.Ioctl.S_FMT, request, "setting the format").fmt.pix

@@ -135,7 +135,8 @@ def grab(settings: V4l2Settings) -> Grab:
         first = last = _next_frame(camera, -1.0)
         while last.stamp - first.stamp < WATCHED:
             last = _next_frame(camera, last.stamp)
-        setup, counts = camera.setup, camera.counts
+        setup = camera.setup
+        counts = camera.counts
     finally:
         camera.close()
     if setup is None:

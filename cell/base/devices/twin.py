@@ -29,7 +29,8 @@ class TwinCalibrationAids:
 
     def show_board(self, wanted: WantedView) -> Frame:
         """Render an image of the calibration board held as `wanted`."""
-        camera, board = self.settings.twin.camera, self.settings.boards.board()
+        camera = self.settings.twin.camera
+        board = self.settings.boards.board()
         self._shown += 1
         pose = board_pose(camera, board, wanted)
         return board_frame(camera, board, pose, self.seed, sequence=self._shown)

@@ -305,7 +305,8 @@ class ResidualTest(NamedTuple):
         sums = [
             _match_sums(clipped, response, rows, self.noise) for response in responses
         ]
-        (observed, _), own = sums[0], responses[0]
+        observed, _ = sums[0]
+        own = responses[0]
         largest = np.max([np.abs(drawn).max(axis=0) for _, drawn in sums], axis=0)
         matched = []
         for (place, samples), z in zip(bins.items(), observed, strict=True):

@@ -127,7 +127,8 @@ def heat_map(places: Sequence[Bin]) -> str:
     grid, surest = np.full((2, high, wide), np.nan)
     for (row, column), place in cells.items():
         at = rows.index(row), columns.index(column)
-        grid[at], surest[at] = abs(place.z), place.p
+        grid[at] = abs(place.z)
+        surest[at] = place.p
     highest = max(9.0, np.nanmax(grid))
     scale = FuncNorm((np.log1p, np.expm1), 0.0, highest)
     with canvas(max(5.0, 1.8 + COLUMN * wide), max(2.0, 0.9 + 0.3 * high)) as figure:

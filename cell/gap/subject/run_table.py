@@ -141,7 +141,8 @@ def _lost(
     """
     steps = np.diff(t)
     missing = np.round(np.maximum(steps / np.median(steps) - 1.0, 0.0)).sum()
-    lost, (noted, most) = missing / (missing + len(t)), limits
+    lost = missing / (missing + len(t))
+    noted, most = limits
     if lost > noted:
         yield Finding(
             what=f"lost {what}",

@@ -210,7 +210,8 @@ def calibrate_homography(given: HomographyOptions) -> None:
         verdict = solve_homography(
             given.again, excluded, folder, accept_anyway=given.accept_anyway
         )
-    made, in_use = verdict.calibration, None
+    made = verdict.calibration
+    in_use = None
     if given.use and made is not None:
         in_use = _use_calibration(given.configs, made, folder or given.again)
     _print_session(verdict, folder, as_json=given.as_json)

@@ -213,7 +213,9 @@ def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
     check_output(path)
     taken = grab(settings)
     write_output(path, as_png(taken.frame.image))
-    counts, picture, stated = taken.counts, taken.setup.picture, taken.setup.locks
+    counts = taken.counts
+    picture = taken.setup.picture
+    stated = taken.setup.locks
     if as_json:
         facts = {
             "measured_rate": taken.rate,

@@ -22,8 +22,10 @@ from drivers.strip.rod.terms import gradual_friction, lagging_moment, stick_slip
 @kernel
 def direction(state: Any, r: int) -> Any:
     """Unit tangent x, z, inverse length [1/m] and length [m] of segment `r`."""
-    (x, z), (next_x, next_z) = pair(state, r, at.X), pair(state, r + 1, at.X)
-    ex, ez = next_x - x, next_z - z
+    x, z = pair(state, r, at.X)
+    next_x, next_z = pair(state, r + 1, at.X)
+    ex = next_x - x
+    ez = next_z - z
     length = sqrt(fma(ex, ex, ez * ez))
     inverse = 1.0 / length
     return ex * inverse, ez * inverse, inverse, length
@@ -55,7 +57,8 @@ def _friction_element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
     `before` its moment before the change.
     """
     moment = fma(stick, change, before)
-    over, under = below(slip, moment), below(moment, -slip)
+    over = below(slip, moment)
+    under = below(moment, -slip)
     moment = select(over, slip, select(under, -slip, moment))
     return moment, select(over + under, 0.0, stick)
 
@@ -65,7 +68,8 @@ def dry_friction(block: Any, r: int, eps: Any) -> Any:
     """Moment [N m] of the friction element at row `r` at bending strain `eps`, and its
     tangent.
     """
-    stick, slip = load(block.nature, r, at.STICK), load(block.nature, r, at.SLIP)
+    stick = load(block.nature, r, at.STICK)
+    slip = load(block.nature, r, at.SLIP)
     change = eps - load(block.state, r, at.EPS)
     return _friction_element(stick, slip, change, load(block.state, r, at.FRICTION))
 
@@ -76,9 +80,11 @@ def _elastic_moment(block: Any, r: int, e: Any) -> Any:
     tangent.
     """
     nature = block.nature
-    stiffness, cubic = load(nature, r, at.BEND), load(nature, r, at.CUBIC)
+    stiffness = load(nature, r, at.BEND)
+    cubic = load(nature, r, at.CUBIC)
     crest = load(nature, r, at.CREST)
-    over, under = below(crest, e), below(e, -crest)
+    over = below(crest, e)
+    under = below(e, -crest)
     e = select(over, crest, select(under, -crest, e))  # clamped: the moment stays level
     growth = cubic * e * e
     beyond = load(nature, r, at.FIFTH) * growth * growth
@@ -165,7 +171,9 @@ def _segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
     pull = fma(taut, ux, couple * turn_x), fma(taut, uz, couple * turn_z)
     store_pair(work, r, at.PULL_X, pull)
 
-    xx, xz, zz = ux * ux, ux * uz, uz * uz
+    xx = ux * ux
+    xz = ux * uz
+    zz = uz * uz
     store(work, r, at.S_XX, fma(stretch, xx, fma(string, zz, 2.0 * twist * xz)))
     store(work, r, at.S_XZ, fma(stretch - string, xz, twist * (zz - xx)))
     store(work, r, at.S_ZZ, fma(stretch, zz, fma(string, xx, -2.0 * twist * xz)))
@@ -176,7 +184,8 @@ def _extend_free_end(state: Any) -> None:
     """Place the ghost node beyond a strip's free end in line with its last segment."""
     ghost = state.shape[0] - 1
     for axis in (at.X, at.Z):
-        end, before = load(state, ghost - 1, axis), load(state, ghost - 2, axis)
+        end = load(state, ghost - 1, axis)
+        before = load(state, ghost - 2, axis)
         store(state, ghost, axis, 2.0 * end - before)
 
 
@@ -189,7 +198,8 @@ def internal_forces(block: Any, rate: Any) -> None:
     end = state.shape[0] - 2
     if block.last == end:
         _extend_free_end(state)
-    last_tangent, tangent = direction(state, 0), direction(state, 1)
+    last_tangent = direction(state, 0)
+    tangent = direction(state, 1)
     _segment_turn(block.work, 0, last_tangent)
     moment_left = _node_moment(block, 1, last_tangent, tangent, rate)
     for r in range(at.FIRST_FREE_NODE, end + 1):

@@ -54,7 +54,8 @@ def _finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) -
     k = moment.k
     observed = output.observed
     nodes = batch.arc.shape[1]
-    x, z = np.empty(nodes), np.empty(nodes)
+    x = np.empty(nodes)
+    z = np.empty(nodes)
     for lane in range(batch.strips.shape[1]):
         i = batch.strips[b, lane]
         if lane_of(unsolved, lane) > 0.0:
@@ -81,7 +82,8 @@ def _write_observables(batch: Any, b: int, lane: int, midline: Any, row: Any) ->
 
     Returns the height [m] of its layer gap, and the gap's place as an index of nodes.
     """
-    state, monitor = batch.state[b], batch.monitor[batch.strips[b, lane]]
+    state = batch.state[b]
+    monitor = batch.monitor[batch.strips[b, lane]]
     x, z = midline
     found = features(x, z, monitor[at.CONTACT_HEIGHT], monitor[at.OPENING])
     row[at.CONTACT_X], row[at.TIP_X], row[at.TIP_Z], height, index = found
@@ -144,7 +146,8 @@ def _step_block(batch: Any, b: int, poses: Any, output: Any, pace: Any) -> None:
     """Step the strips of block `b` along grip `poses` (k, n, 3), until none of them is
     left.
     """
-    nature, state = batch.nature[b], batch.state[b]
+    nature = batch.nature[b]
+    state = batch.state[b]
     block = Block(nature, state, batch.work, batch.band, batch.last, batch.terms)
     step_pace = pace
     for k in range(len(poses)):

@@ -73,7 +73,8 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
     D = K^2 int(viscosity / EI^2) ds.
     """
     reach = np.diff(middles)
-    rigidity, law = mechanics.rigidity, mechanics.law
+    rigidity = mechanics.rigidity
+    law = mechanics.law
     stiffness = mechanics.series(rigidity, middles) / reach
     inner[:, at.BEND] = stiffness
     inner[:, at.DAMP] = stiffness**2 * mechanics.total(

@@ -54,7 +54,8 @@ def residual(block: Any, r: int, inertia: Any, reaction: Any) -> Any:
     desk.
     """
     work = block.work
-    (x, z), (hat_x, hat_z) = pair(block.state, r, at.X), pair(work, r, at.HAT_X)
+    x, z = pair(block.state, r, at.X)
+    hat_x, hat_z = pair(work, r, at.HAT_X)
     before_x, before_z = pair(work, r - 1, at.PULL_X)
     after_x, after_z = pair(work, r, at.PULL_X)
     load_x, load_z = pair(block.nature, r, at.LOAD_X)
@@ -132,8 +133,11 @@ def assemble(block: Any, r: int, rate: Any) -> None:
     xx, xz, _, zz = own
     if block.terms is not None:
         (drag_x, drag_z), (drag_xx, drag_xz, drag_zz) = air_drag(block, r, rate)
-        force_x, force_z = force_x + drag_x, force_z + drag_z
-        xx, xz, zz = xx + drag_xx, xz + drag_xz, zz + drag_zz
+        force_x = force_x + drag_x
+        force_z = force_z + drag_z
+        xx = xx + drag_xx
+        xz = xz + drag_xz
+        zz = zz + drag_zz
     row_x = far[0], far[1], near[0], near[1]
     row_z = far[2], far[3], near[2], near[3], xz
     _eliminate(block.band, 2 * r, row_x, xx, force_x)
@@ -220,9 +224,13 @@ def _apply_correction(block: Any, gate: Any) -> Any:
     EA (l / l0 - 1 + t de / l0) is the tension of the linearised segment, free of the
     stretch that a turn of a straight piece feigns.
     """
-    state, work, band = block.state, block.work, block.band
-    turned, wildest = splat(state, 0.0), splat(state, 0.0)
-    dx_before, dz_before = splat(state, 0.0), splat(state, 0.0)
+    state = block.state
+    work = block.work
+    band = block.band
+    turned = splat(state, 0.0)
+    wildest = splat(state, 0.0)
+    dx_before = splat(state, 0.0)
+    dz_before = splat(state, 0.0)
     for r in range(at.FIRST_FREE_NODE, state.shape[0] - 1):
         dx = load(band, 2 * r, SIDE_COLUMN)
         dz = load(band, 2 * r + 1, SIDE_COLUMN)
@@ -231,7 +239,8 @@ def _apply_correction(block: Any, gate: Any) -> Any:
         update(state, r, at.Z, gate, z - dz)
 
         turn_x, turn_z = pair(work, r - 1, at.TURN_X)
-        ex, ez = dx - dx_before, dz - dz_before
+        ex = dx - dx_before
+        ez = dz - dz_before
         turn = fma(turn_x, ex, turn_z * ez)
         square = turn * turn
         turned = fma(load(block.nature, r - 1, at.SHARE), square, turned)
@@ -258,7 +267,8 @@ def solve(block: Any, rate: Any, alive: Any) -> Any:
     failed: Newton's method could then converge to a kinked equilibrium that does not
     continue the motion.
     """
-    unsolved, failed = alive, 0.0 * alive
+    unsolved = alive
+    failed = 0.0 * alive
     for _ in range(ITERATIONS):
         internal_forces(block, rate)
         for r in range(at.FIRST_FREE_NODE, block.last + 1):

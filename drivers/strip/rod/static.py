@@ -50,7 +50,8 @@ def fit_length(
     """
     grip = batch.grip
     slack = batch.arc[:, -1] - np.array([model.stated_length for model in models])
-    is_short, is_long = slack < 0, slack > 0
+    is_short = slack < 0
+    is_long = slack > 0
     goal = grip - slack[:, None] * (1.0, 0.0, 0.0)
     _stretch(batch, goal[:, 0] / grip[:, 0], is_short)
     grip[is_short] = goal[is_short]

@@ -67,7 +67,8 @@ def _gradual_element(slip: Any, pace: Any, change: Any, before: Any) -> Any:
     stays positive.
     """
     back = below(change, 0.0)
-    limit, x = select(back, -slip, slip), pace * select(back, -change, change)
+    limit = select(back, -slip, slip)
+    x = pace * select(back, -change, change)
     slope = fma(x, fma(0.5, x, 1.0), 1.0)
     growth = fma(x * x, x * (1.0 / 6.0), slope)
     ahead = (limit - before) / growth  # the moment still to come
@@ -87,7 +88,8 @@ def gradual_friction(block: Any, r: int, eps: Any) -> Any:
 @kernel
 def slip_limit(block: Any, r: int) -> Any:
     """Tension [N] at which the strip begins to slide at segment `r`, next to an end."""
-    held, gripped = load(block.state, r, at.HELD), load(block.nature, r, at.GRIPPED)
+    held = load(block.state, r, at.HELD)
+    gripped = load(block.nature, r, at.GRIPPED)
     return select(held - gripped, gripped, held)
 
 
@@ -155,10 +157,8 @@ def settling_turn(block: Any, r: int, along: Any) -> Any:
 @kernel
 def velocity(block: Any, r: int, rate: Any) -> Any:
     """Velocity x, z [m/s] of node row `r`: `rate` [1/s] times its way from the base."""
-    (x, z), (base_x, base_z) = (
-        pair(block.state, r, at.X),
-        pair(block.work, r, at.BASE_X),
-    )
+    x, z = pair(block.state, r, at.X)
+    base_x, base_z = pair(block.work, r, at.BASE_X)
     return rate * (x - base_x), rate * (z - base_z)
 
 
@@ -170,7 +170,8 @@ def air_drag(block: Any, r: int, rate: Any) -> Any:
     predicted motion: of second order in the step, and symmetric.
     """
     work = block.work
-    (xx, xz), zz = pair(work, r, at.DRAG_XX), load(work, r, at.DRAG_ZZ)
+    xx, xz = pair(work, r, at.DRAG_XX)
+    zz = load(work, r, at.DRAG_ZZ)
     vx, vz = velocity(block, r, rate)
     drag = fma(xx, vx, xz * vz), fma(xz, vx, zz * vz)
     return drag, (rate * xx, rate * xz, rate * zz)
@@ -180,11 +181,15 @@ def air_drag(block: Any, r: int, rate: Any) -> Any:
 def _store_drag(block: Any, r: int, rate: Any) -> None:
     """Write the drag matrix of node row `r`, from its predicted motion, into `work`."""
     nature = block.nature
-    state, work = block.state, block.work
-    (x, z), (before_x, before_z) = pair(state, r + 1, at.X), pair(state, r - 1, at.X)
-    tx, tz = x - before_x, z - before_z
+    state = block.state
+    work = block.work
+    x, z = pair(state, r + 1, at.X)
+    before_x, before_z = pair(state, r - 1, at.X)
+    tx = x - before_x
+    tz = z - before_z
     inverse = 1.0 / sqrt(fma(tx, tx, tz * tz))
-    nx, nz = -(tz * inverse), tx * inverse
+    nx = -(tz * inverse)
+    nz = tx * inverse
 
     vx, vz = velocity(block, r, rate)
     across = fma(nx, vx, nz * vz)
@@ -194,7 +199,8 @@ def _store_drag(block: Any, r: int, rate: Any) -> None:
     drag = load(nature, r, at.DRAG) * (speed + load(nature, r, at.SLOW))
 
     fraction = load(nature, r, at.ALONG)
-    xx, xz = fma(fraction * nz, nz, nx * nx), fma(-(fraction * nx), nz, nx * nz)
+    xx = fma(fraction * nz, nz, nx * nx)
+    xz = fma(-(fraction * nx), nz, nx * nz)
     store_pair(work, r, at.DRAG_XX, (drag * xx, drag * xz))
     store(work, r, at.DRAG_ZZ, drag * fma(fraction * nx, nx, nz * nz))
 

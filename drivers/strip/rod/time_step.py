@@ -86,14 +86,18 @@ def _predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
     """Extrapolate the free nodes over a step `h` [s], and store history and BDF2
     bases.
     """
-    state, work = block.state, block.work
+    state = block.state
+    work = block.work
     period = h * (1.0 + omega) / (1.0 + 2.0 * omega)
     newest, older = weights(omega)
-    ahead, behind = h * (1.0 + 0.5 * omega), -0.5 * omega * h
+    ahead = h * (1.0 + 0.5 * omega)
+    behind = -0.5 * omega * h
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for axis in range(2):
-            x, v = load(state, r, at.X + axis), load(state, r, at.VX + axis)
-            x1, v1 = load(state, r, at.X1 + axis), load(state, r, at.VX1 + axis)
+            x = load(state, r, at.X + axis)
+            v = load(state, r, at.VX + axis)
+            x1 = load(state, r, at.X1 + axis)
+            v1 = load(state, r, at.VX1 + axis)
             base = fma(newest, x, older * x1)
             store(work, r, at.BASE_X + axis, base)
             store(
@@ -111,7 +115,8 @@ def _predict_strain(block: Any, omega: float) -> None:
     state = block.state
     newest, older = weights(omega)
     for r in range(1, state.shape[0] - 1):
-        eps, eps1 = load(state, r, at.EPS), load(state, r, at.EPS1)
+        eps = load(state, r, at.EPS)
+        eps1 = load(state, r, at.EPS1)
         store(block.work, r, at.BASE_EPS, fma(newest, eps, older * eps1))
 
 
@@ -154,8 +159,11 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
     The shear of the last, short segments would contain what error Newton's method
     leaves.
     """
-    state, nature, work = block.state, block.nature, block.work
-    end, ghost = state.shape[0] - 2, state.shape[0] - 1
+    state = block.state
+    nature = block.nature
+    work = block.work
+    end = state.shape[0] - 2
+    ghost = state.shape[0] - 1
 
     # the pull of the first segment, which holds the fixed edge
     ux, uz, _, _ = direction(state, 1)
@@ -163,20 +171,25 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
     pull_x, pull_z = pair(work, 1, at.PULL_X)
     tension = load(state, 1, at.TENSION)
     shear = fma(turn_x, pull_x, turn_z * pull_z) / fma(turn_x, turn_x, turn_z * turn_z)
-    x, z = -fma(shear, turn_x, tension * ux), -fma(shear, turn_z, tension * uz)
+    x = -fma(shear, turn_x, tension * ux)
+    z = -fma(shear, turn_z, tension * uz)
 
     # weight and desk, then what accelerates the nodes and brakes them in air
     for r in range(at.FIRST_FREE_NODE, end + 1):
         weight_x, weight_z = pair(nature, r, at.LOAD_X)
         reaction, _ = desk_reaction(block, r)
-        x, z = x + weight_x, z + (weight_z + reaction)
+        x = x + weight_x
+        z = z + (weight_z + reaction)
     for r in range(at.FIRST_FREE_NODE, end):
         push = load(nature, r, at.MASS) * (1.0 / h)
-        (vx, vz), (vx1, vz1) = pair(state, r, at.VX), pair(state, r, at.VX1)
-        x, z = x - push * (vx - vx1), z - push * (vz - vz1)
+        vx, vz = pair(state, r, at.VX)
+        vx1, vz1 = pair(state, r, at.VX1)
+        x = x - push * (vx - vx1)
+        z = z - push * (vz - vz1)
         if block.terms is not None:
             (drag_x, drag_z), _ = air_drag(block, r, rate)
-            x, z = x - drag_x, z - drag_z
+            x = x - drag_x
+            z = z - drag_z
 
     update(state, ghost, at.GRIP_FORCE_X, alive, x)
     update(state, ghost, at.GRIP_FORCE_Z, alive, z)
@@ -186,7 +199,8 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
 def _slip_length(block: Any, r: int) -> Any:
     """Distance [m] by which the strip slid at segment `r` in the step just solved."""
     state = block.state
-    stretch, span = load(block.nature, r, at.STRETCH), load(block.nature, r, at.SPAN)
+    stretch = load(block.nature, r, at.STRETCH)
+    span = load(block.nature, r, at.SPAN)
     _, _, _, length = direction(state, r)
     taut = stretch * (length - span - load(state, r, at.SLID))
     sign = slip_direction(block, r, taut)

@@ -52,7 +52,8 @@ class HingeLumps:
 
         The powers of `share` are those that `_strip_share` states.
         """
-        strip, law = model.mechanics, model.mechanics.law
+        strip = model.mechanics
+        law = model.mechanics.law
         between = 0.5 * (nodes[:-1] + nodes[1:])
         middles = np.concatenate([[0.0], between, [strip.length]])
         reach = np.diff(middles)

@@ -43,7 +43,8 @@ def _start_thresholds() -> Thresholds:
     """Thresholds before a client sets others; assumed, as a robot's defaults are not
     published.
     """
-    torque, force = frozen(np.full((2, 7), 20.0)), frozen(np.full((2, 6), 20.0))
+    torque = frozen(np.full((2, 7), 20.0))
+    force = frozen(np.full((2, 6), 20.0))
     return Thresholds(torque, torque, force, force)
 
 
@@ -101,7 +102,8 @@ def _collision(old: Configuration, numbers: Array) -> Configuration | None:
     """Copy of `old` with thresholds `numbers` (52,); None if negative or lower above
     upper.
     """
-    joints, tool = numbers[:28].reshape(4, 7), numbers[28:].reshape(4, 6)
+    joints = numbers[:28].reshape(4, 7)
+    tool = numbers[28:].reshape(4, 6)
     pairs = [frozen(rows) for rows in (joints[:2], joints[2:], tool[:2], tool[2:])]
     if any((pair < 0).any() or (pair[0] > pair[1]).any() for pair in pairs):
         return None

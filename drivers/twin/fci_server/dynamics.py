@@ -80,10 +80,12 @@ class Dynamics:
 
     def _payload_torque(self, velocity: Array, acceleration: Array) -> Array:
         """Torques (7,) [N m] of the payload: J' m (J ddq + dJ dq - g) of a point."""
-        model, data = self._arm.model, self._arm.data
+        model = self._arm.model
+        data = self._arm.data
         body = model.body("link7").id
         point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ self._payload_point
-        jacobian, rate = np.zeros((3, 7)), np.zeros((3, 7))
+        jacobian = np.zeros((3, 7))
+        rate = np.zeros((3, 7))
         mujoco.mj_jac(model, data, jacobian, None, point, body)
         mujoco.mj_jacDot(model, data, rate, None, point, body)
         specific_force = jacobian @ acceleration + rate @ velocity - model.opt.gravity

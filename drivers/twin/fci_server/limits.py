@@ -86,7 +86,8 @@ class BodyCheck:
         gaps = {Reflex.SELF_COLLISION_AVOIDANCE_VIOLATION: float(self_clearance(q))}
         if self._solids is not None:
             gaps[Reflex.CARTESIAN_REFLEX] = float(self._solids.clearance(q).min())
-        last_gaps, self._gaps = self._gaps, gaps
+        last_gaps = self._gaps
+        self._gaps = gaps
         self._checked_q = np.array(q)
         self._room = min(gaps.values())
         for reflex, gap in gaps.items():
@@ -147,7 +148,8 @@ def check_tool_rates(old: Rates, new: Rates) -> None:
         motions, limits.TRANSLATION, limits.ROTATION, TOOL_REFLEXES, strict=True
     )
     for rates, translation, rotation, reflex in checks:
-        moves, turns = hypot(*rates[:3].tolist()), hypot(*rates[3:].tolist())
+        moves = hypot(*rates[:3].tolist())
+        turns = hypot(*rates[3:].tolist())
         if moves > LIMIT_FACTOR * translation or turns > LIMIT_FACTOR * rotation:
             raise Violation(reflex)
 

@@ -178,10 +178,8 @@ class EmulatedRobot:
             isfinite(part) and part >= 0 for part in request.deviations
         ):
             return MoveStatus.INVALID_ARGUMENT
-        controller, generator = (
-            Controller(request.controller),
-            Generator(request.generator + 1),
-        )
+        controller = Controller(request.controller)
+        generator = Generator(request.generator + 1)
         if (
             controller is Controller.EXTERNAL
             or generator is Generator.NONE

@@ -90,9 +90,11 @@ class Publisher:
             name: self._packet[name].reshape(-1) for name in PACKET.names or ()
         }
         self._put(I_ee=_columns(np.diag(HAND_INERTIA)), O_ddP_O=(0.0, 0.0, -GRAVITY))
-        self._model, self._modelled = ArmModel(), Configuration()
+        self._model = ArmModel()
+        self._modelled = Configuration()
         # torques of gravity, and the joints for which they were computed
-        self._gravity, self._gravity_q = np.zeros(7), np.full(7, np.inf)
+        self._gravity = np.zeros(7)
+        self._gravity_q = np.full(7, np.inf)
 
     def _put(self, **values: ArrayLike) -> None:
         """Write `values` into the state's fields of their names."""
@@ -144,7 +146,9 @@ class Publisher:
         """Write setpoints and measured joints of the robot into the packet."""
         posture = robot.posture
         arm = robot.measured
-        pose, twist, velocity = posture.pose, posture.tool.velocity, arm.joints.velocity
+        pose = posture.pose
+        twist = posture.tool.velocity
+        velocity = arm.joints.velocity
         reported = robot.reported.rates
         angle, rate, acceleration = posture.swing
         elbow = angle, posture.elbow_sign
@@ -189,7 +193,8 @@ class Publisher:
             moment = (
                 tool.hand_mass * tool.hand_centre + tool.load_mass * tool.load_centre
             )
-            self._model, self._modelled = ArmModel(mass, moment / mass), tool
+            self._model = ArmModel(mass, moment / mass)
+            self._modelled = tool
             self._gravity_q = np.full(7, np.inf)
         return self._model
 

@@ -120,8 +120,10 @@ def _gather(
     numbers = sums.numbers
     rows, columns = numbers.shape
     for k in range(points.shape[1]):
-        u, v = points[0, k] - origin[0], points[1, k] - origin[1]
-        column, row = int(u), int(v)
+        u = points[0, k] - origin[0]
+        v = points[1, k] - origin[1]
+        column = int(u)
+        row = int(v)
         if u < 0 or v < 0 or column >= columns - 1 or row >= rows - 1:
             continue
         share = _share(points[2, k], u - column, v - row, corner)
@@ -145,7 +147,8 @@ def _blend(pixel: Image, sums: Array, colour: Array, light: float) -> None:
     """Blend material with `sums` of coverage, brightness and tints into a `pixel` (3,)
     BGR.
     """
-    coverage, glow = sums[0], sums[1]
+    coverage = sums[0]
+    glow = sums[1]
     alpha = min(coverage / FULL, 1.0)
     ink = glow / max(coverage, 1e-12) * light * alpha
     for channel in range(3):
@@ -184,5 +187,6 @@ def splat(
             count = _gather(sums, count, points, tint, origin, (down, right))
     for n in range(1, count + 1):
         if values[n, 0] != 0:
-            v, u = sums.pixels[n] // columns, sums.pixels[n] % columns
+            v = sums.pixels[n] // columns
+            u = sums.pixels[n] % columns
             _blend(image[v, u], values[n], colour, light[origin[1] + v, origin[0] + u])

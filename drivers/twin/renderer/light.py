@@ -145,7 +145,8 @@ def arm_shadow(
     `size` is (width, height). The desk is at z = `floor` [m]. Objects between desk and
     wall are shaded like the wall.
     """
-    width, height = size[0] // SHADOW_GRID, size[1] // SHADOW_GRID
+    width = size[0] // SHADOW_GRID
+    height = size[1] // SHADOW_GRID
     dark = np.zeros((height, width), dtype=np.uint8)
     for part in parts:
         middle = (part.front + part.back) / 2

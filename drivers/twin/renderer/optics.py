@@ -82,7 +82,8 @@ class Optics(NamedTuple):
         """
         seen = (points - self.centre) @ self.rotation.T
         right, down, forward = np.moveaxis(seen, -1, 0)
-        a, b = right / forward, down / forward
+        a = right / forward
+        b = down / forward
         k1, k2 = self.distortion
         r2 = a * a + b * b
         scale = (1 + r2 * (k1 + k2 * r2)) * self.focal
@@ -112,7 +113,8 @@ class Optics(NamedTuple):
         undistorting = np.zeros_like(squared_radius)
         for coefficient in self.inverse[::-1].tolist():
             undistorting = undistorting * squared_radius + coefficient
-        right, down = right * undistorting, down * undistorting
+        right = right * undistorting
+        down = down * undistorting
 
         columns = self.rotation.T.tolist()
         x, y, z = (right * a + down * b + c for a, b, c in columns)

@@ -202,9 +202,11 @@ class Renderer:
         contact = desk_contact(scene.points, CONTACT_HEIGHT)
         bias = self._contact_bias
         if bias > 0:  # lint
-            left, right = contact - PILE, contact + max(bias - ABRUPT_LINT, 0.0)
+            left = contact - PILE
+            right = contact + max(bias - ABRUPT_LINT, 0.0)
         else:  # glare
-            left, right = contact + min(bias + ABRUPT_GLARE, 0.0), contact + PILE
+            left = contact + min(bias + ABRUPT_GLARE, 0.0)
+            right = contact + PILE
         low = -self._look.thickness / 2
         high = CONTACT_HEIGHT + low + PILE
         corners = np.array([(left, low), (right, low), (right, high), (left, high)])

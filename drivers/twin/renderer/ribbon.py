@@ -91,7 +91,8 @@ def _hermite(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Array, 
     h = np.diff(arc)[i, None]
     t = (s - arc[i])[:, None] / h
     chord = np.diff(nodes, axis=0)[i] / h
-    a, end = slopes[i], slopes[i + 1]
+    a = slopes[i]
+    end = slopes[i + 1]
     b = 3 * chord - 2 * a - end
     c = a + end - 2 * chord
     return nodes[i] + h * t * (a + t * (b + t * c)), a + t * (2 * b + 3 * t * c)
@@ -109,7 +110,8 @@ def smooth(points: Array, arc: Array) -> Array:
     spans = np.diff(arc)
     bend = np.diff(np.diff(points, axis=0) / spans[:, None], axis=0)
     nodes = points.copy()
-    before, after = spans[:-1], spans[1:]
+    before = spans[:-1]
+    after = spans[1:]
     nodes[1:-1] += bend * (before * after / (6 * (before + after)))[:, None]
     return nodes
 
@@ -128,7 +130,8 @@ def random_weave(depth: float, rng: np.random.Generator) -> Weave:
     """Draw a random twill of yarns whose brightness varies by the share `depth` about
     1.
     """
-    i, j = np.arange(WEAVE_ROWS)[:, None], np.arange(WEAVE_COLUMNS)[None, :]
+    i = np.arange(WEAVE_ROWS)[:, None]
+    j = np.arange(WEAVE_COLUMNS)[None, :]
     twill = np.sin(2 * np.pi * (i / 4 + j / 5))
     warp = rng.normal(size=(1, WEAVE_COLUMNS))
     weft = rng.normal(size=(WEAVE_ROWS, 1))

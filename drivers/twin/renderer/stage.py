@@ -143,9 +143,11 @@ def _draw_mark(
     image: Image, settings: CameraSettings, optics: Optics, look: StripLook
 ) -> None:
     """Draw the block that marks the fixed end, behind the strip, into `image`."""
-    (left, low, _), (right, high, height) = MARK.low, MARK.high
+    left, low, _ = MARK.low
+    right, high, height = MARK.high
     top_shade, front_shade = MARK_SHADES
-    floor, middle = -look.thickness / 2, look.width / 2
+    floor = -look.thickness / 2
+    middle = look.width / 2
     colour = bgr(settings.surroundings.clamp) * settings.gain
     corners = np.array([(left, floor), (right, floor), (right, height), (left, height)])
     front = optics.plane(corners, middle + low)
@@ -204,7 +206,8 @@ def _covers(
     """
     if isinstance(thing, Cable):
         return [(_line(thing, optics, size), 1.0)]
-    (x0, y0, z0), (x1, y1, z1) = thing.low, thing.high
+    x0, y0, z0 = thing.low
+    x1, y1, z1 = thing.high
     face = np.array([(x0, z0), (x1, z0), (x1, z1), (x0, z1)])
     near = optics.plane(face, y0)
     far = optics.plane(face, y1)

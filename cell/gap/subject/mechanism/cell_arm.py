@@ -51,7 +51,8 @@ class CellArm(InverseDynamics):
         tip.
         """
         model = self.mechanism.model
-        hand, (_, end) = model.body("hand"), tip(model)
+        hand = model.body("hand")
+        _, end = tip(model)
         own = float(hand.mass[0])
         whole = own + mass
         moment = own * hand.ipos + mass * end

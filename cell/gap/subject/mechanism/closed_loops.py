@@ -67,7 +67,8 @@ class ClosedLoops:
             off.mjDSBL_CONTACT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT
         )
         own.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        self._model, self._data = own, mujoco.MjData(own)
+        self._model = own
+        self._data = mujoco.MjData(own)
         perturbed = np.random.default_rng(0).normal(model.qpos0, PERTURBATION)
         jacobian, _ = self._jacobian(perturbed)
         motions = null_space(jacobian, RANK_TOLERANCE)

@@ -149,7 +149,8 @@ class SplitModel:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self._mechanism, model = mechanism, mechanism.model
+        self._mechanism = mechanism
+        model = mechanism.model
         split = self._model = compile_model(
             mechanism.source,
             mechanism.file.name,
@@ -171,13 +172,16 @@ class SplitModel:
         for joint in spec.joints:
             flex = joint.parent.add_joint(name=joint.name + FLEX, type=joint.type)
             # 0 once compiled
-            flex.axis, flex.pos, flex.armature = joint.axis, joint.pos, 1.0
+            flex.axis = joint.axis
+            flex.pos = joint.pos
+            flex.armature = 1.0
             flex.limited = mujoco.mjtLimited.mjLIMITED_FALSE
 
     def soft(self, edited: Any, readings: Readings) -> Any:
         """Copy of the model `edited` of a case with split joints."""
         found = copy.copy(self._model)
-        found.opt.gravity[:], found.opt.density = edited.opt.gravity, edited.opt.density
+        found.opt.gravity[:] = edited.opt.gravity
+        found.opt.density = edited.opt.density
         for name in (*BODY, *ACTUATOR):
             getattr(found, name)[:] = getattr(edited, name)
         for name in DOF:

@@ -448,6 +448,8 @@ def _run_along(  # type: ignore[no-untyped-def]
     `out`.
     """
     for k in range(q.shape[0]):
-        qpos[:], qvel[:], qacc[:] = q[k], v[k], a[k]
+        qpos[:] = q[k]
+        qvel[:] = v[k]
+        qacc[:] = a[k]
         _inverse(model, data)
         out[k] = torque

@@ -379,7 +379,8 @@ def _base_parameter(
         low = -np.inf
         high = np.inf
     key = "_".join(filter(None, (field, axis, name)))
-    (_, unit), step = FIELDS[field], STEP * width
+    _, unit = FIELDS[field]
+    step = STEP * width
     parameter = Parameter(key, unit, start, low, high, step, width)
     by_run = _spread_width(spec.by_run or 0.0, size)
     if not by_run:

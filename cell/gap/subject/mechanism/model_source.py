@@ -107,7 +107,8 @@ def _root(text: str, path: Path) -> ET.Element:
     # prefixes may be undeclared in URDFs
     builder = ET.TreeBuilder()
     parser = expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
     parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(text, True)

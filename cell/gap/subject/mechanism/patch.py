@@ -68,7 +68,8 @@ def accepted_content(
         old = stated.get(name)
         effect, _, key = name.partition(".")
         if effect in known:
-            old, known[effect][key] = known[effect].get(key), value
+            old = known[effect].get(key)
+            known[effect][key] = value
         notes.append(note_of(name, old, source, f", is {value:.9g}"))
     for name, values in effects.items():
         notes.append(note_of(f"effects.{name}", None, source))

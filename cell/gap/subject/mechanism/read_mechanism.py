@@ -94,7 +94,8 @@ def open_file(path: Path, model: Path | None = None) -> Mechanism:
     place = model_place(file, path)
     inputs = file.inputs.items()
     if model:
-        folder, place = model.resolve().parent, model.resolve()
+        folder = model.resolve().parent
+        place = model.resolve()
         file = file.model_copy(update={"effects": {}})
     moved = [s.name for s in file.signals.values() if s.is_ == "torque"]
     moved += [name for name, kind in inputs if kind != "position"]

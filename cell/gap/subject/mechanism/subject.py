@@ -112,8 +112,11 @@ class MechanismSubject(Subject):
     def __init__(
         self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()
     ) -> None:
-        self.mechanism, self.name, self._jobs = mechanism, mechanism.file.name, jobs
-        self.origin, self._sensors = mechanism.origin, mechanism.compared("torque")
+        self.mechanism = mechanism
+        self.name = mechanism.file.name
+        self._jobs = jobs
+        self.origin = mechanism.origin
+        self._sensors = mechanism.compared("torque")
         self._check_honoured()
         resting = [j.name for j in mechanism.joints if j.travel < HARDLY]
         why = f"it moves by less than {1e3 * HARDLY:g} mrad or mm"
@@ -341,7 +344,8 @@ def _edited(
         if not values.any():
             continue
         if effect.law and not effect.by_fields(m):
-            at, table = torques().at[effect.name], effect.table(m, values)
+            at = torques().at[effect.name]
+            table = effect.table(m, values)
             edited.jnt_user[:, at : at + len(table)] = table.T
         elif effect.edit:
             effect.edit(m, values, edited)

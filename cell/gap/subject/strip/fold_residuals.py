@@ -139,7 +139,8 @@ class Layout(NamedTuple):
 
 def layout(run: MeasuredRun, length: float) -> Layout:
     """Group the readings of the fold `run` of a strip of `length` [m] into samples."""
-    (stamps, _, image, s), sigma = run.images, run.sigma
+    stamps, _, image, s = run.images
+    sigma = run.sigma
     profile = _part(run, stamps[image], zones(s, length), sigma.profile, FEWEST_POINTS)
     # a soft strip that is pushed along the desk buckles at its fixed edge or not, by
     # chance

@@ -216,4 +216,5 @@ def group_means(values: Any, edges: Any, sigma: float, mean: Any, square: Any) -
             )
             total += clipped
             power += clipped * clipped
-        mean[g], square[g] = total / len(group), power / len(group)
+        mean[g] = total / len(group)
+        square[g] = power / len(group)

@@ -108,7 +108,8 @@ def _momenta(model: Any, motion: bytes) -> tuple[Array, Array, Array]:
     q = np.frombuffer(motion).reshape(-1, model.nv)
     mass = model.body_mass.sum()
     foot = model.body_pos[model.body_rootid[model.jnt_bodyid[0]]]
-    arms, (linear, angular) = np.zeros((len(q), 3)), np.zeros((2, len(q), 3, model.nv))
+    arms = np.zeros((len(q), 3))
+    linear, angular = np.zeros((2, len(q), 3, model.nv))
     along = poses(model, q, mujoco.mj_kinematics)
     for data, *found, arm in zip(along, linear, angular, arms, strict=True):
         mujoco.mj_comPos(model, data)
