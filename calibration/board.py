@@ -173,9 +173,11 @@ def find_board(
         corner = np.reshape(outlines, (-1, 4, 2)).astype(np.float64)
         sides = corner - np.roll(corner, 1, axis=1)
         side = float(np.linalg.norm(sides, axis=2).mean())
+
     # no homography from those
     if ids is None or board.checkCharucoCornersCollinear(ids):
         return BoardDetection(None, markers, side)
+
     on_board, in_image = board.matchImagePoints(corners, ids)
     view = BoardView(
         np.ravel(ids).astype(np.float64),

@@ -120,6 +120,7 @@ def fit_homography(
             f"homography: {len(points)} touched points, at least {MINIMUM_POINTS} are"
             " needed; touch more"
         )
+
     to_pixels, mask = cv2.findHomography(
         1e3 * points, pixels, cv2.RANSAC, RANSAC_THRESHOLD
     )
@@ -127,6 +128,7 @@ def fit_homography(
         raise ConfigurationError(
             "homography: the touched points determine no map; spread them"
         )
+
     inliers = np.ravel(mask).astype(bool)
     if inliers.sum() < MINIMUM_INLIERS:
         raise ConfigurationError(
@@ -194,11 +196,13 @@ def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:
         raise ConfigurationError(
             "homography: lens and map contradict each other; do both again"
         )
+
     centre = -cv2.Rodrigues(rotation)[0].T @ translation.ravel()
     if not centre[1] < 0:
         raise ConfigurationError(
             "homography: the camera looks from behind; check the y-axis"
         )
+
     return Viewpoint(float(centre[0]), float(centre[2]), float(-centre[1]))
 
 

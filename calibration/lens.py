@@ -160,6 +160,7 @@ def _checked_lens(lens: Lens, origin: str) -> Lens:
     square_pixels = np.array(
         [[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0, 0, 1.0]]
     )
+
     faults = (  # negated, so that NaN is refused too
         (
             sides.max() > LARGEST_SIDE,
@@ -194,6 +195,7 @@ def _checked_lens(lens: Lens, origin: str) -> Lens:
     for wrong, text in faults:
         if wrong:
             raise ConfigurationError(f"{origin}: {text}; calibrate the camera again")
+
     return lens
 
 

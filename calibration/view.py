@@ -193,6 +193,7 @@ class PinnedView:
             motion = _common_motion(positions, self.size, shifts, weights, slack)
             if motion is None:
                 return None
+
             predicted = motion.shift(self.corners)
         return motion
 
@@ -220,10 +221,12 @@ class PinnedView:
                 ].all()
             ):
                 continue
+
             position, score = _find_patch(_denoised(window), self.patches[i])
             if score >= MATCH_CORRELATION:
                 shifts[i] = position - self.corners[i] + np.array([left, top])
                 scores[i] = score
+
         return shifts, scores
 
 

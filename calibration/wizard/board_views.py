@@ -71,9 +71,11 @@ class BoardViews:
             refused = (
                 f"the board moved by {moved:.1f} px between two images; hold it still"
             )
+
         self._tries += refused is not None
         if self._patience is not None and self._tries >= self._patience:
             self.skip()
+
         return _row(number, look.view, refused)
 
     def restore(self, row: SessionRow, image: Image) -> bool:
@@ -177,12 +179,14 @@ class BoardViews:
                 f"the board is too far: its markers are {look.side:.0f} px, at least "
                 f"{settings.smallest:.0f} px are needed; come nearer"
             )
+
         apart = min((look.view.distance(view) for view in self.views), default=np.inf)
         if apart < settings.distinct:
             return (
                 f"a view that differs by only {apart:.0f} px was taken before; move the"
                 " board"
             )
+
         return None
 
     def _why_undetected(self, look: BoardDetection, size: tuple[int, int]) -> str:
@@ -201,6 +205,7 @@ class BoardViews:
                 f"{need}; the board is too far, its markers are {side:.0f} px;"
                 " come nearer"
             )
+
         return f"{need}; bring it into the image, light it, uncover it"
 
     def _accept(self, number: int, view: BoardView) -> None:
@@ -213,6 +218,7 @@ class BoardViews:
         lens = guessed_lens(self._size)
         if len(self._views) >= FEWEST_VIEWS:
             lens = fit_views(self.views, self._size).lens
+
         self._lens = lens
         shown = coverage.placement(view, self._settings.outline(), lens)
         width = lens.matrix[0, 0] * self._settings.width / view.depth(lens) / lens.width

@@ -155,16 +155,19 @@ def lens_verdict(
     if count < least:
         reason = f"{count} views, at least {least} are needed; show more"
         return LensVerdict(views=count, reasons=(reason,))
+
     try:
         fit = fit_views(ordered, size)
         split, bend_mm = _differences_of_halves(ordered, fit.lens)
     except ConfigurationError as error:
         return LensVerdict(views=count, reasons=(str(error),))
+
     bow_reasons = _bow_reasons(ordered, fit.lens, settings)
     gates = coverage.gates(ordered, fit.lens, settings)
     refused = [*bow_reasons, *(str(gate) for gate in gates if not gate.passed)]
     if not bow_reasons:  # a bow causes these, too
         refused += _lens_reasons(fit, split, settings)
+
     refused += _length_reasons(length, settings)
     return LensVerdict(
         fit=fit,

@@ -154,12 +154,14 @@ def _draw_levels(drawn: Image, deviation: Callable[[Array], Array]) -> None:
     pixels = np.column_stack([u.ravel(), v.ravel()]).astype(np.float64)
     coarse = 1e3 * deviation(pixels).reshape(u.shape)
     fine = cv2.resize(coarse, (width, height))
+
     for level in LEVELS_MM:
         within = (fine <= level).astype(np.uint8)
         line = cv2.morphologyEx(within, cv2.MORPH_GRADIENT, np.ones((2, 2), np.uint8))
         rows, columns = np.nonzero(line)
         if len(rows) == 0:
             continue
+
         drawn[rows, columns] = LEVEL_BGR
         nearest = np.hypot(rows - height / 2, columns - width / 2).argmin()
         corner = (int(columns[nearest]) + 4, max(int(rows[nearest]), 18) - 4)
@@ -175,13 +177,16 @@ def _draw_mark(drawn: Image, mark: Mark) -> None:
     if not mark.label:
         cv2.circle(drawn, at, 2, colour, -1, LINE_TYPE)
         return
+
     if mark.kind is MarkKind.WILD:
         cv2.drawMarker(drawn, at, colour, cv2.MARKER_TILTED_CROSS, 20, 2, LINE_TYPE)
     else:
         cv2.circle(drawn, at, 6, colour, 1, LINE_TYPE)
+
     if mark.error is not None:
         end = _pixel(mark.pixel + ENLARGED * mark.error)
         cv2.arrowedLine(drawn, at, end, colour, 2, LINE_TYPE, tipLength=0.25)
+
     cv2.putText(
         drawn, mark.label, (at[0] + 12, at[1] - 10), FONT, 0.5, colour, 1, LINE_TYPE
     )

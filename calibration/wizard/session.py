@@ -85,6 +85,7 @@ class SessionFolder:
             write_yaml(
                 folder / SESSION_FILE, now.model_dump(mode="json", by_alias=True)
             )
+
         self._count = len([*(folder / IMAGES_FOLDER).glob("*.png")])
 
     def __call__(self, progress: Progress) -> None:
@@ -189,10 +190,12 @@ def _read_image(folder: Path, row: SessionRow, size: tuple[int, int]) -> Image:
         raise ConfigurationError(
             f"{folder / ROWS_FILE}: image: {row.image} lies outside of {IMAGES_FOLDER}/"
         )
+
     try:
         image = read_picture(path)
     except ConfigurationError as error:
         raise ConfigurationError(f"{error}; or leave it out by its number") from None
+
     stored_size = (image.shape[1], image.shape[0])
     if stored_size != size:
         raise ConfigurationError(

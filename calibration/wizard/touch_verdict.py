@@ -131,6 +131,7 @@ def check_verdict(
             " touch more"
         )
         return CheckVerdict(errors, median, worst, found=found, reasons=(few,))
+
     causes = _common_shift(off_mm, settings) or reasons(
         (
             worst > settings.worst_mm,
@@ -211,6 +212,7 @@ def map_verdict(
             accepted_anyway=refused,
             **facts,
         )
+
     found = (*touches.found, *late.found)
     clean = touches.clean
     return MapVerdict(
@@ -255,9 +257,11 @@ def _causes(
                 " which side the camera stands, and the yaw of installation.mounting"
             ),
         )
+
     move = camera_move(touches, fit.lens, fit.homography, settings.good_mm)
     if move is None:
         return ()
+
     return (
         (
             f"all points after number {move.after} are seen {move.shift_mm:.1f} mm"

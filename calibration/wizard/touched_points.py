@@ -61,6 +61,7 @@ class TouchedPoints:
         self.fitted = fitted
         if fitted:
             require_enough(self.plan, settings)
+
         # by number, and whether again
         self._touches: dict[tuple[int, bool], TouchedPoint] = {}
         self._queue = [(number, False) for number in range(len(self.plan))]
@@ -121,6 +122,7 @@ class TouchedPoints:
             self._accept(row, centre)
         if taken or self._tries >= self._settings.patience:
             self.skip()
+
         return row
 
     def restore(self, row: SessionRow, image: Image) -> bool:
@@ -269,13 +271,16 @@ class TouchedPoints:
             return "the pointer's disc is not seen exactly once; uncover it, light it"
         if self._last is None:
             return None
+
         last_centre, last_position = self._last
         arm_moved = lengths(position - last_position)
         if arm_moved > self._settings.arm_still:
             return f"the arm moved by {1e3 * arm_moved:.1f} mm {NOT_STILL}"
+
         moved = lengths(centre - last_centre)
         if moved > self._settings.still:
             return f"the pointer moved by {moved:.1f} px {NOT_STILL}"
+
         return None
 
     def _accept(self, row: SessionRow, centre: Array) -> None:

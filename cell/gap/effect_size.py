@@ -77,6 +77,7 @@ def draw_strengths(
     else:
         side = 1.0 if p.low >= 0.0 else sign
         largest = np.clip(BELIEVABLE * max(map(abs, sizes)) * side, p.low, p.high)
+
     return Strengths(effect, others, largest)
 
 
@@ -163,6 +164,7 @@ class GapModel:
                 SimulationRequest(run, estimate.shared, values, local)
                 for run, local in runs
             ]
+
         results = self._subject.simulate(requests)
         count = len(runs)
         return [

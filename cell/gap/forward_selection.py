@@ -112,14 +112,17 @@ def _better_base(
     base = fits.base.estimate
     model = base.model
     runs = base.runs
+
     tasks = []
     for fit in (m.estimate for m in leading):
         values, _ = fit.values
         start = Point(values, fit.local)
         tasks.append(refit(model, runs, start, None, ROUGH_GAIN, BUDGET.short_steps))
+
     started = best([base, *run_all(simulate, tasks)])
     if started is base:
         return None
+
     again = refit(model, runs, started.point, started.jacobians)
     refitted = run_one(simulate, again)
     scale = min(base.scale, refitted.scale)
@@ -145,11 +148,13 @@ def refit_on_base(
     likelihood = fits.likelihood
     tasks = []
     nats = [gain(m, fits.base, likelihood) for m in known]
+
     for fit, n in zip((m.estimate for m in known), nats, strict=True):
         if fit.effects and within_reach(n, max(nats)):
             _, start = with_unknowns(fit, with_spreads(complete, spreads))
             secants = _secants(fit, runs)
             tasks.append(refit(fit.model, runs, start, secants, ROUGH_GAIN))
+
     estimates = run_all(search.simulate, tasks)
     refitted = run_all(search.simulate, [*map(validate, estimates)])
     fits = replace(fits, models=(base, *refitted))
@@ -198,6 +203,7 @@ def refit_further(search: Search, models: Models, progress: Progress) -> Fits:
     fits = models.fits
     if len(fits.models) == 1:
         return fits
+
     fits = fits.merge(search.free_shapes(fits))
     if _leaves_more(fits):
         progress("refit pairs", 0.5)
@@ -205,10 +211,12 @@ def refit_further(search: Search, models: Models, progress: Progress) -> Fits:
     elif (accepted := _accept(fits)).effects:
         progress("screen beside the accepted effect", 0.5)
         fits = search.extend(fits, [accepted])
+
     accepted = _accept(fits)
     if len(accepted.effects) == 2:
         progress("refit triples", 0.7)
         fits = search.extend(fits, [accepted])
+
     return _refit_alternatives(search, fits)
 
 
@@ -239,6 +247,7 @@ def _refit_alternatives(search: Search, fits: Fits) -> Fits:
         names = accepted.names
         if len(names) < 2 or names in tried:
             break
+
         tried.add(names)
         fits = search.fit_scored_models(fits, without_each(accepted))
         without = (fits.of(names - {name}) for name in names)

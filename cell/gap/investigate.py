@@ -86,6 +86,7 @@ def investigate(
     findings = stages.judge(models, unseen, held_out)
     if findings.decision.kind != "unexplained":
         return findings
+
     before = findings.held_out_fits.before
     law = offered_law(subject, simulate, findings.fits, before, stages.rng)
     return replace(findings, law=law)
@@ -142,6 +143,7 @@ class Investigation:
             revised = revised_base(self.simulate, fits, scatter, self.fitted)
         if not revised:
             return models._replace(fits=fits)
+
         self.progress("refit the base beside the best", fraction)
         base_fit = self._judge_base(revised)
         screen = self._score_candidates(base_fit, probed)
@@ -374,11 +376,13 @@ def _alternative(
     closest = next(iter(tests.rivals or others), None)
     if closest:
         return closest.model, closest.estimate.shared
+
     known = accepted.names
     tried = (p.candidate for p in screened.probed if not p.dead)
     candidate = next((c for c in tried if c.name not in known), None)
     if not candidate:
         return None
+
     base, _ = accepted.estimate.values
     model = Model(accepted.model.base, (candidate,))
     return model, model.join(base, {candidate.name: np.array(candidate.probes[0][0])})

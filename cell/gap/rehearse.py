@@ -143,6 +143,7 @@ def _copies_with_each_effect(
             copies.append(HiddenCopy(key=name, effect=name, values=values, seed=seed))
         else:
             unseen.append(name)
+
     return copies, unseen
 
 
@@ -179,6 +180,7 @@ def write_copy(plan: Plan, hidden: HiddenCopy, folder: Path) -> None:
         for run in runs
     ]
     folds = rod_folds(models, [*map(_path_of_run, runs)], SEGMENTS, STEP)
+
     for number, (run, fold) in enumerate(zip(runs, folds, strict=True)):
         copy = replace(fold, index=run.index, condition=run.condition)
         noise = run.sigma
@@ -262,6 +264,7 @@ def page(plan: Plan, records: Sequence[Record]) -> str:
         size = ", ".join(f"{key} {v:.3g}" for key, v in o["values"].items())
         right = "yes" if is_right(o) else "**no**"
         rows.append((name, size, _answer(o), right))
+
     parts = [
         f"# Rehearsal of {len(plan.runs)} runs",
         *_summary(plan, hidden, empty),

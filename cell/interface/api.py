@@ -80,6 +80,7 @@ def fold(
     lying = config.strip(strip)
     if seed < 0:
         raise ConfigurationError(f"seed: is {seed}, must be at least 0")
+
     cell = config.cell().with_drivers(arm, camera)
     check_known("frames", frames or "key", get_args(Keep))
     record = RecordingOptions(frames, truth=truth)

@@ -68,6 +68,7 @@ def _export_mechanism(
     origin = Path(record.file)
     model = model_place(file, origin)
     source = with_assets(ModelSource(text, model.parent, origin.parent), f"{model}")
+
     with new_folder(out) as folder:
         for path, digest in source.digests.items():
             name = relpath(path, origin.parent)
@@ -77,6 +78,7 @@ def _export_mechanism(
                 )
             write_file(folder / name, read_bytes(path, LARGEST_MODEL))
         write_file(model_place(file, folder / origin.name), text)
+
     return {out / file.model: _not_said(text)}
 
 

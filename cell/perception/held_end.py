@@ -109,9 +109,11 @@ class Clip:
         others = np.stack([np.median(scene.strip, axis=0), scene.desk_colour])
         if colour_distances(others, colour[None]).min() < APART:
             return None
+
         face = _face(image, calibration, colour, Pose(whole, 0.0, 0.0))
         if face is None or face.slenderness < SLENDER:
             return None
+
         offset = face.front - (whole, 0.0)
         is_at_end = abs(offset[0]) < FARTHEST
         return cls(colour, replace(face, front=offset)) if is_at_end else None
@@ -153,6 +155,7 @@ def _largest_region(image: Image, colour: Array) -> Array | None:
     """
     if image.size == 0:
         return None
+
     away = colour_distances(image.astype(np.float64), colour[None])[..., 0]
     alike = (away < ALIKE).astype(np.uint8)
     mask = cv2.morphologyEx(alike, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
@@ -160,6 +163,7 @@ def _largest_region(image: Image, colour: Array) -> Array | None:
     _, *areas = pieces[:, cv2.CC_STAT_AREA]
     if not areas:
         return None
+
     v, u = np.nonzero(labels == 1 + np.argmax(areas))
     return np.column_stack([u, v]).astype(np.float64)
 
@@ -208,8 +212,10 @@ class HeldEnd:
             best = self._at_mouth(frame, clip, face)
         else:
             best = self._search(frame)
+
         if best.end is not None:
             self._past = [*self._past[-2:], (frame.stamp, best.end)]
+
         sure = face is not None or best.measurement.confidence >= PROFILE_CONFIDENCE
         return best if sure else replace(best, end=None)
 
@@ -279,10 +285,12 @@ class HeldEnd:
                 pitch = min(height / UPRIGHT_HEIGHT, 1.0) * np.pi / 2
                 yield Pose(length - height / 2, height, pitch)
             return
+
         last = self._past[-1][1]
         expected = self._predict(stamp)
         yield expected
         yield last
+
         for step in SEARCH_STEPS:
             yield replace(expected, x=expected.x + step)
             yield replace(expected, z=max(expected.z + step, 0.0))
@@ -322,10 +330,12 @@ class HeldEnd:
         curve = measurement.profile
         if len(curve) < 2:
             return None
+
         along = measurement.contact_x + arc_lengths(curve)
         within = curve[along <= self._strip.length]
         if len(within) < 2:
             return None
+
         missing = self._strip.length - along[len(within) - 1]
         point, slope = _extrapolate(within, missing)
         x, z = point.tolist()

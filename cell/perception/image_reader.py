@@ -82,6 +82,7 @@ class Measurer:
         appearance = inspection.appearance
         if appearance is None:
             return inspection.checks
+
         self._perception = Perception(calibration, strip, appearance)
         background = appearance.scene.background.image
         surroundings = still_surroundings(calibration, strip.length)
@@ -106,6 +107,7 @@ class Measurer:
             raise Fault(
                 "no_perception", "a frame came before the preflight image was accepted"
             )
+
         measurement = self._perception.measure(frame, gripper, hand)
         touch = self._touch.update(measurement, gripper) if touches else None
         calibration = self._inputs.calibration
@@ -188,10 +190,12 @@ class ProcessReader:
         self.failure = ""
         self._image = SharedImage()
         self._child = Child(_read_images, inputs, maker, self._shape, self._image)
+
         try:
             reason = "" if self._child.receive(START_TIMEOUT) else "it does not answer"
         except ChildDied as died:
             reason = str(died)
+
         if reason:
             self.close()
             raise Fault(
@@ -218,6 +222,7 @@ class ProcessReader:
         """
         if self.failure:
             return None
+
         # read first, so that its last message is still received
         ends = self._child.ends
         try:
@@ -225,6 +230,7 @@ class ProcessReader:
         except ChildDied as died:
             self.failure = ENDED if died.failure is None else str(died)
             return None
+
         if answer is not None:
             self.busy_since = None
         elif ends:

@@ -169,6 +169,7 @@ def changed_cells(
     left, top = corner
     changed = np.zeros((rows, columns), np.uint8)
     whole_columns = min(columns, (image.shape[1] // 3 - left) // CELL_PX)
+
     for i in range(rows):
         begin = top + CELL_PX * i
         compared_rows = range(
@@ -219,10 +220,12 @@ def _load_cell(picture: Any, row: int, column: int, pixels: Floats) -> None:
         y = min(picture.corner[1] + v, height - 1)
         x = min(picture.corner[0] + u, width - 1)
         gain = np.float32(EVEN_LIGHT) / _light_at(picture.light, v, u)
+
         for channel in range(3):
             scene = np.float32(picture.background[y, x, channel])
             pixels[channel, n] = np.float32(picture.image[y, x, channel]) * gain - scene
             pixels[3 + channel, n] = scene
+
         pixels[6, n] = picture.shade[y, x]
 
 
@@ -242,6 +245,7 @@ def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> N
     back_g = pixels[4]
     back_r = pixels[5]
     shade = pixels[6]
+
     shares[:] = 0
     for k in range(len(colours)):
         b = colours[k, 0]
@@ -292,6 +296,7 @@ def segment(picture: LitImage, cells: Image, colours: Floats, variance: float) -
                 levels[CELL_PX * i + n // CELL_PX, CELL_PX * j + n % CELL_PX] = (
                     np.uint8(level)
                 )
+
     return levels
 
 
@@ -328,6 +333,7 @@ def silhouette_of(
     flat_steps = lines[:, :, 0] * stride + lines[:, :, 1]
     # of a pixel, whatever lies around it
     least_level = ZERO_LEVEL + (faint - ZERO_LEVEL) // 2
+
     mask = np.zeros((height, width), np.uint8)
     for v in range(height):
         row = levels[v + reach, reach : reach + width]
@@ -340,4 +346,5 @@ def silhouette_of(
                 and _lies_on_line(flat_levels, pixel, flat_steps, faint)
             ):
                 mask[v, u] = 255
+
     return mask

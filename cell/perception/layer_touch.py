@@ -106,15 +106,19 @@ class LayerTouch:
         level = distance + MARGIN
         if len(gap) < FEWEST_FALLS or not (recent < level).all():
             return None
+
         closing = _closing_time(t, gap, level, distance)
         if closing is None:
             return None
+
         time, speed = closing
         if not _falls_slower(t, gap, time, STOP_SHARE * speed):
             return None
+
         apart = abs(_end_of_fall(t, gap, time, speed) - time) / AGREEMENT
         if apart > LARGEST_RATIO:
             return None
+
         x, displacement = self._position_at(time, t)
         touch = SeenTouch(
             time,
@@ -156,6 +160,7 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
     gap_x = measurement.gap_x
     if not np.isfinite(measurement.gap) or len(measurement.profile) < 4:
         return None
+
     points = np.vstack([measurement.profile, [(gripper.x, gripper.z)]])
     steps = np.hypot(*np.diff(points, axis=0).T)
     # m to the gripper
@@ -165,6 +170,7 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
     past_gap = np.flatnonzero(points[tip:, 0] <= gap_x)
     if len(past_gap) == 0 or past_gap[0] == 0:
         return None
+
     after = tip + past_gap[0]
     before = after - 1
     share = (points[before, 0] - gap_x) / (points[before, 0] - points[after, 0])

@@ -60,6 +60,7 @@ class MeasuredFold(NamedTuple):
         fraction = since / max(since[-1], 1e-9)
         bins = np.minimum((BINS * fraction).astype(np.intp), BINS - 1)
         means = np.full((BINS, POINTS, 2), np.nan)
+
         for i in range(BINS):
             inside = bins == i
             if np.count_nonzero(inside) >= FEWEST_IMAGES:

@@ -91,14 +91,17 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> DeskContact:
     desk = _sample(levels, line.front - origin)
     if (desk > HALF_LEVEL).mean() > 0.5:  # all looks like strip
         return DeskContact(nan, 0.0)
+
     along = strip_share(_average(_sample(levels, line.pixels - origin)))
     strip = along > 0.5
     ends = _piece_ends(strip)
     if len(ends) == 0 or not strip[: len(strip) // 8].any():
         return DeskContact(nan, 0.0)
+
     i = _lying_end(ends, np.flatnonzero(strip))
     if i == len(strip) - 1:
         return DeskContact(float(line.x[-1]), 1.0)
+
     part = (along[i] - 0.5) / max(along[i] - along[i + 1], 1e-6)
     confidence = _sharpness(along, i, 4 * SURE_COUNT)
     return DeskContact(float(line.x[i] + part * SAMPLE_SPACING), confidence)
@@ -284,11 +287,13 @@ class Perception:
             return UNSEEN
         if np.hypot(gripper.x - contact.x, gripper.z) < LITTLE:
             return LiftedMidline(np.empty((0, 2)), contact.confidence)
+
         start, grip = self._side_ends(contact, gripper, matte.region)
         mask = self._mask(matte)
         side = outer_side(mask, start, grip, self._sizes)
         if side is None:
             return UNSEEN
+
         geometry = Geometry(
             calibration=self._calibration,
             thickness=self._strip.thickness,
@@ -303,6 +308,7 @@ class Perception:
         lifted = seen.points[first_lifted:]
         if len(lifted) < FEWEST_POINTS:
             return UNSEEN
+
         midline = resample(lifted)
         return LiftedMidline(
             midline, self._plausibility(midline, contact, gripper) * seen.visible

@@ -176,6 +176,7 @@ def _check_background(
                 " does, hang a cloth of another colour behind the desk"
             ),
         )
+
     return PreflightCheck(
         name="background",
         passed=bool(share <= ALIKE_SHARE),
@@ -394,6 +395,7 @@ def inspect(frame: Frame, calibration: Calibration, strip: StripFile) -> Preflig
     refused = tuple(check for check in required if not check.passed)
     if refused:
         return Preflight(refused, None)
+
     learnt = _learn_scene(image, calibration, strip)
     samples = resting_strip.sample_scene(image, calibration, strip)
     distinct = (
@@ -408,6 +410,7 @@ def inspect(frame: Frame, calibration: Calibration, strip: StripFile) -> Preflig
     )
     if not presence.passed:
         return Preflight((*distinct, presence), None)
+
     appearance = scene.Appearance(
         learnt.segmenter, frozen(resting_strip.resting_line(edge))
     )

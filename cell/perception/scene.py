@@ -43,6 +43,7 @@ def _palette(samples: Array) -> Array:
         colours = _refine(
             samples, np.vstack([colours, _worst_explained(samples, colours)])
         )
+
     nearest = colour_distances(samples, colours).argmin(axis=1)
     frequent = np.argsort(-np.bincount(nearest, minlength=len(colours)), kind="stable")
     return frozen(colours[frequent])
@@ -371,6 +372,7 @@ def sensor_noise(image: Image) -> float:
     inside = power[(level > SCALE_ENDS[0]) & (level < SCALE_ENDS[1])]
     if len(inside) == 0:
         return 0.0
+
     # a pixel weighs in its own average, which takes that share of its variance away
     variance = np.median(inside) / (1 - AVERAGING_WINDOW**-2)
     return float(np.sqrt(variance))

@@ -143,16 +143,21 @@ def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | 
     outlines = _outlines(mask)
     if not outlines:
         return None
+
     body = _nearest(outlines, contact)
     if _bridge_regions(mask, body, outlines, gripper, sizes.bridge):
         body = _nearest(_outlines(mask), contact)
+
     for tip, facing_tip in _facing_tips(body, sizes.bridge):
         cv2.line(mask, tip.tolist(), facing_tip.tolist(), 255, 1)
         body = _nearest(_outlines(mask), contact)
+
     if len(body) < 4 * AVERAGE:
         return None
+
     if cv2.contourArea(body.reshape(-1, 1, 2), oriented=True) >= 0:  # clockwise
         body = body[::-1]
+
     return np.asarray(body, dtype=np.float64)
 
 
@@ -172,6 +177,7 @@ def _bridge_regions(
         nearest = int(np.argmin(lengths))
         if lengths[nearest] > longest:
             break
+
         start, end = pairs[nearest]
         cv2.line(mask, start.tolist(), end.tolist(), 255, 1)
         body = np.vstack([body, others.pop(nearest)])

@@ -241,11 +241,13 @@ def _numbers(table: pa.Table, name: str, origin: str) -> Array:
         raise ConfigurationError(
             f"{origin}: {name}: there are two such columns; keep one"
         )
+
     column = table[name]
     if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
         raise ConfigurationError(
             f"{origin}: {name}: holds {column.type}, must hold numbers"
         )
+
     try:
         return frozen(column.cast(pa.float64(), safe=False).to_numpy())
     except pa.ArrowException as error:
@@ -270,6 +272,7 @@ def check_order(t: Array, origin: str, strictly: bool = True) -> None:
     wrong = np.flatnonzero(steps <= 0 if strictly else steps < 0)
     if not wrong.size:
         return
+
     before = int(wrong[0])
     row = before + 1
     step = np.median(np.abs(steps))
@@ -281,6 +284,7 @@ def check_order(t: Array, origin: str, strictly: bool = True) -> None:
     elif was_set_back(t) or (uneven and wrong.size < 0.1 * t.size):
         back = earlier + step - later
         remedy = f"the clock was set back by {back:.3g} s: cut the run there"
+
     raise ConfigurationError(
         f"{origin}: t: row {row} is {later:g} s after {earlier:g} s, times must"
         f" increase; {remedy}"

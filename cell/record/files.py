@@ -83,6 +83,7 @@ def check_run(folder: Path) -> None:
         raise ConfigurationError(
             f"{folder}: is a file, a run is a folder; give the folder{parent}"
         )
+
     hint = "".join(
         f"; name one of those in it, as {inner}" for inner in runs_in(folder)[-1:]
     )

@@ -153,12 +153,14 @@ def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]
             f"{root}: is a run; name the folder that it lies in with --runs, as "
             f"{root.resolve().parent}"
         )
+
     try:
         rows = [read_row(folder) for folder in runs_below(root)]
     except OSError as error:
         raise ConfigurationError(
             f"{root}: cannot be listed: {error.strerror}"
         ) from None
+
     rows.sort(key=lambda row: (row.began, row.name))
     return _select(rows, where, sort) if where or sort else tuple(rows)
 
@@ -171,6 +173,7 @@ def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]
         check_known("sort", key, COLUMNS)
         direction = "DESC" if sort.startswith("-") else "ASC"
         order = f"{key} IS NULL, {key} {direction}, place"
+
     with closing(sqlite3.connect(":memory:")) as base:
         base.execute(f"CREATE TABLE runs (place, {', '.join(COLUMNS)})")
         marks = ", ".join("?" * (1 + len(COLUMNS)))
@@ -243,6 +246,7 @@ def remove(rows: Sequence[RunRow]) -> int:
             raise ConfigurationError(
                 f"{folder}: is not a finished run; it was left alone"
             )
+
     failures = []
     for row in rows:
         folder = row.folder
@@ -258,6 +262,7 @@ def remove(rows: Sequence[RunRow]) -> int:
             failures.append(f"{folder}: cannot be removed: {error.strerror}")
         except ConfigurationError as error:
             failures.append(str(error))
+
     if failures:
         raise ConfigurationError("\n".join(failures))
     return sum(row.size for row in rows)

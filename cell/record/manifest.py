@@ -172,6 +172,7 @@ def resumed_series(manifest: Manifest, of: Mapping[str, str]) -> Iterator[RunSer
     with ExitStack() as opened:
         with writing(path):
             file = opened.enter_context(path.open("rb"))
+
         _lock(file.fileno(), path)
         current = Manifest.read(path)
         differ = [key for key in of if current.of.get(key) != of[key]]
@@ -180,6 +181,7 @@ def resumed_series(manifest: Manifest, of: Mapping[str, str]) -> Iterator[RunSer
                 f"--resume: {path}: not as when this {current.kind} began:"
                 f" {', '.join(differ)}; use what it began with, or begin another"
             )
+
         series = RunSeries(current)
         series.note(_maker())
         yield series

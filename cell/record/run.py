@@ -125,12 +125,14 @@ class Run:
         text = escape(repr(self))
         if picture is None:
             return text
+
         content = base64.b64encode(picture.read_bytes()).decode()
         if picture.name == files.FILM:
             return (
                 f'{text}<br><video controls width="640"'
                 f' src="data:video/mp4;base64,{content}">'
             )
+
         return f'{text}<br><img width="640" src="data:image/png;base64,{content}">'
 
     @property
@@ -221,15 +223,18 @@ class Run:
         stamps, contact_x = self.ticks.contacts()
         if len(stamps):
             tables["contact"] = {"t": stamps, "contact_x": contact_x}
+
         if len(self.profile.t):
             tables["profile"] = {
                 name: getattr(self.profile, name) for name in Profile.__slots__
             }
+
         touch = {name: getattr(self.result, name, None) for name in TOUCH}
         if None not in touch.values():
             tables["result"] = {
                 name: np.array([value]) for name, value in touch.items()
             }
+
         return tables
 
     def kept_images(self) -> list[FrameNote]:

@@ -104,6 +104,7 @@ def _read_stream(path: Path, schema: pa.Schema) -> pa.Table:
     batches: list[pa.RecordBatch] = []
     stored = schema
     content = read_bytes(path, LARGEST_STREAM) if path.exists() else b""
+
     # the end, or the first broken row
     with suppress(StopIteration, pa.ArrowException, OSError):
         reader = pa.ipc.open_stream(pa.py_buffer(content))
@@ -112,9 +113,11 @@ def _read_stream(path: Path, schema: pa.Schema) -> pa.Table:
             batch = reader.read_next_batch()
             batch.validate(full=True)
             batches.append(batch)
+
     rows = pa.Table.from_batches(batches, stored)
     for name in LATER - {*rows.column_names}:
         rows = rows.append_column(name, pa.nulls(len(rows), NUMBER))
+
     try:
         rows = rows.select(schema.names)
         return rows.cast(schema).combine_chunks()
@@ -226,6 +229,7 @@ def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Arr
     placed_x, placed_t = np.full((2, t.size), np.nan)
     if t.size < 2:
         return placed_x, placed_t
+
     reach = 0.5 * np.median(np.diff(t))
     keep = np.isfinite(contact_x) & (stamp >= t[0] - reach) & (stamp <= t[-1] + reach)
     stamp = stamp[keep]
@@ -389,6 +393,7 @@ def with_named_parts(
         found = NAME_IN_LIST.fullmatch(name)
         if found and pa.types.is_string(values.type):
             labels[found[2]] = found[1], values
+
     picked: list[pa.ChunkedArray] = []
     for column in columns:
         if column in content.column_names:
@@ -396,6 +401,7 @@ def with_named_parts(
         elif parts := _parts_named(column, labels, content):
             picked.append(pc.coalesce(*parts))
             content = content.append_column(column, picked[-1])
+
     if not picked:
         return content
     return content.filter(reduce(pc.or_, map(pc.is_valid, picked)))
@@ -487,11 +493,13 @@ def column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
     indices = [index for index, each in enumerate(names) if each == name]
     if not indices:  # of a heading of several rows the last one may do
         indices = [i for i, each in enumerate(names) if each.endswith(f" {name}")]
+
     if (doubled := DOUBLED.fullmatch(name)) and not indices:
         first = doubled[1]
         number = int(doubled[2])
         indices = [index for index, each in enumerate(names) if each == first]
         indices = indices[number - 1 : number]
+
     if len(indices) != 1:
         there = (
             f"stands there {len(indices)} times; write {name!r} with ' (1)' or the like"

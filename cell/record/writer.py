@@ -63,6 +63,7 @@ class RunWriter:
         self._finished = False
         self._header: dict[str, Any] = {"schema": SCHEMA, **header}
         strip = parse(self._header, Header, RUN).strip
+
         try:
             self.folder = _new_folder(root, strip)
             write_document(self.folder / RUN, self._header)
@@ -151,6 +152,7 @@ class RunWriter:
         """
         if self._finished:
             return
+
         content = {"schema": SCHEMA, **result}
         parse(
             {key: value for key, value in content.items() if value is not None},
@@ -159,16 +161,19 @@ class RunWriter:
         )
         with self._recording():
             self._close_streams()
+
         folder = self.folder
         failure = self._frames.film_failure
         if failure:
             self.describe(film=failure)
+
         with self._recording():
             write_document(folder / RUN, self._header)
             tables.write_tables(folder, tables.assemble(folder))
             write_document(folder / RESULT, content)
             for stream in (TICK_STREAM, SIGHT_STREAM):  # all rows are in the tables
                 (self.folder / stream).unlink(missing_ok=True)
+
         self._finished = True
         self._events.close()
 

@@ -128,13 +128,16 @@ class MotionProfile:
         if self._age > EXPIRY_TICKS and self._target is not None and any(self._target):
             self.expired = True
             self._follow(_STILL)
+
         self._elapsed += 1
         state = self._plan.at_time(self._elapsed * TICK)
         if self._target is not None and any(state[1]):
             state = self._keep_inside(state)
+
         self._position, self._velocity, self._acceleration = state
         if not self._pending:
             self._arrive()
+
         return self._position
 
     @property
@@ -170,9 +173,11 @@ class MotionProfile:
         request.control_interface = ruckig.ControlInterface.Velocity
         velocity = list(target)
         synchronization = [ruckig.Synchronization.Phase] * len(velocity)
+
         for axis in blocked:
             velocity[axis] = 0.0
             synchronization[axis] = ruckig.Synchronization.No
+
         request.target_velocity = velocity
         request.per_dof_synchronization = synchronization
         self._target = target

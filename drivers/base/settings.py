@@ -184,6 +184,7 @@ def _problem(origin: str, model: type[BaseModel], item: dict[str, Any]) -> str:
         field = _field_at(model, item["loc"])
         missing = "its value" if field is None else field.description or "its value"
         return f"{origin}: {key}: is null, not yet filled in; write {missing}"
+
     reason = str(item["msg"]).removeprefix("Value error, ")
     return (
         f"{origin}: {key}: {reason[:1].lower()}{reason[1:]} (found"
@@ -208,6 +209,7 @@ def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
         bounds = {
             name: item["ctx"][name] for name in BOUND_WORDS if name in item["ctx"]
         }
+
     words = " and ".join(
         f"{BOUND_WORDS[name]} {bound:g}{unit}" for name, bound in bounds.items()
     )
@@ -217,6 +219,7 @@ def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
         COMPARED[name](value / 1e3, bound) for name, bound in bounds.items()
     ):
         text += f"; if {value:g} is in {small}, write {value / 1e3:g}"
+
     return text
 
 

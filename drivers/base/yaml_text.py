@@ -126,16 +126,19 @@ class BoundedLoader(_Loader):
         if self.check_event(yaml.AliasEvent):
             self._count_alias(event)
             return super().compose_node(parent, index)
+
         anchor: Any = getattr(event, "anchor", None)
         before = self._nodes
         self._count(event, 1)
         self._depth += 1
         if self._depth > DEPTH:
             raise _error_at(event, f"is nested more than {DEPTH} deep")
+
         node = super().compose_node(parent, index)
         self._depth -= 1
         if anchor is not None:
             self._sizes[anchor] = self._nodes - before
+
         return node
 
     def compose_scalar_node(self, anchor: Any) -> Any:

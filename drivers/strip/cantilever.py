@@ -108,6 +108,7 @@ def hanging_shape(
     where = f"a strip of bending length {bending_length:.4g} m over {overhang:.4g} m"
     if min(overhang, bending_length) <= 0:
         raise NoRest(f"{where}: no shape at rest; both lengths must be positive")
+
     arc = segments(overhang)
     spans = _spans(arc)
     middle = 0.5 * (arc[1:] + arc[:-1])
@@ -122,6 +123,7 @@ def hanging_shape(
             f"{where}: no shape at rest was found in {ITERATIONS} Newton steps; check"
             " both lengths"
         )
+
     points = running_sums(_chords(angles, arc))
     return HangingStrip(bending_length, arc, angles, points, stiffness, pull)
 

@@ -58,6 +58,7 @@ def load_strip(path: Path, of: Collection[str] = ("strip",)) -> StripFile:
     strip = load(path, StripFile)
     check_effects(strip.effects, str(path), of)
     check_law(strip.law, origin=str(path))
+
     for bound in BOUNDS:
         if bound.value(strip) < bound.refused:
             raise ConfigurationError(
@@ -65,6 +66,7 @@ def load_strip(path: Path, of: Collection[str] = ("strip",)) -> StripFile:
                 f" is refused below {bound.refused:g}: {bound.why}; take a shorter"
                 " strip or a stiffer one"
             )
+
     try:
         describe(strip)
     except ConfigurationError as error:

@@ -134,6 +134,7 @@ def _contact_before(x: Any, z: Any, tip: int, height: float) -> Any:
             j += 1
         if j == last:
             return x[last]
+
     while j >= 0:
         if z[j] <= height:
             k = j
@@ -203,10 +204,12 @@ def _narrowest_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
     position = 0.0
     if tip < SHORTEST_LAYERS[0] or last - tip + 1 < SHORTEST_LAYERS[1]:
         return best, position
+
     opened = False
     lowest = math.inf
     last_gap = 0.0
     gap, k = _height_over_lower_layer(x, z, tip, tip - 1)
+
     for j in range(tip, last):
         next_gap, k = _height_over_lower_layer(x, z, j + 1, k)
         opened = opened or gap > opening
@@ -214,6 +217,7 @@ def _narrowest_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
             lowest = gap
             best, position = _refine_minimum(last_gap, gap, next_gap, j)
         last_gap, gap = gap, next_gap
+
     return best, position
 
 

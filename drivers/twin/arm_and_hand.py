@@ -157,6 +157,7 @@ class TwinArm:
             self._noise = self._rng.standard_normal((NOISE_BLOCK, 4))
         if self._wrench is not None:
             self._wrench.tick(self._world.grip_force)
+
         self._trail(self._profile.tick())
         self._history.append((*self._position, *self._velocity))
         self._history.popleft()

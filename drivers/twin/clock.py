@@ -99,6 +99,7 @@ class TwinClock:
             raise CellError(
                 "clock: an event cannot wait; it can only ask for a later event"
             )
+
         end = nanoseconds(time)
         self._running = True
         try:
@@ -106,6 +107,7 @@ class TwinClock:
                 self._run_next()
         finally:
             self._running = False
+
         self._now = max(self._now, end)
 
     def _run_next(self) -> None:
@@ -172,10 +174,12 @@ class RealTimeClock:
             self._running().wait_until(time - self._start)
             self._catch_up(self.now() + self._patience)
             return
+
         self._running().wait_until(time - self._start)
         twin.wait_until(time)
         last_lag = math.inf
         lag = self.now() - twin.now()
+
         # catching up takes time in which the wall goes on
         while LATE_AT_MOST < lag < last_lag:
             twin.wait_until(self.now())

@@ -156,6 +156,7 @@ def follow_arm(
         world.add_pose(max(stamp, time - patience), lambda: pose)
         if newest is None:
             return
+
         last = pose
         fingers = hand.state()
         world.move_fingers(Fingers(fingers.width, fingers.width, start=time, speed=1.0))

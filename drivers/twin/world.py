@@ -72,9 +72,11 @@ class History:
                 f"the world at {stamp:.4f} s cannot be shown; known are "
                 f"{first / NANOSECONDS:.4f} to {self.newest.stamp:.4f} s",
             )
+
         index, remainder = divmod(time - first, self._step)
         if remainder == 0:
             return scenes[index]
+
         return _interpolate(scenes[index], scenes[index + 1], stamp)
 
 
@@ -86,6 +88,7 @@ def _interpolate(earlier: WorldState, later: WorldState, stamp: float) -> WorldS
     points = earlier.points
     if points is not later.points:
         points = frozen(points + share * (later.points - points))
+
     gripper = Pose.from_array(start + share * (end - start))
     width = earlier.finger_width + share * (later.finger_width - earlier.finger_width)
     return replace(
@@ -335,9 +338,11 @@ class World:
         path = self._path
         while len(path) > 1 and path[1][0] <= time:
             path.popleft()
+
         before, earlier = path[0]
         if len(path) == 1 or time <= before:
             return earlier()
+
         after, later = path[1]
         share = (time - before) / (after - before)
         return Pose.from_array(

@@ -166,11 +166,13 @@ class NewestFrame:
         if capture.corrupt or not session.setup.picture.is_complete(capture.content):
             counts.corrupt += 1
             return
+
         self._last_complete = capture.taken
         self._patience = self._settings.stall
         arrived = self._on_cell_clock(session, capture)
         counts.arrived += 1
         counts.restamped += arrived.source is StampSource.DEQUEUE
+
         with self._changed:
             self._newest = arrived
             self._recovered = True
@@ -195,6 +197,7 @@ class NewestFrame:
         if middle - ahead < earliest:
             middle = capture.taken
             source = StampSource.DEQUEUE
+
         return StampedCapture(
             capture=capture,
             picture=setup.picture,

@@ -104,14 +104,17 @@ def lock(device: Device, values: Mapping[str, int]) -> dict[str, int]:
             raise CameraRefused(
                 device.path, f"controls.{name}", f"unknown; allowed: {names}"
             )
+
     settable = {name for name, control in present.items() if control.obstacle is None}
     locks = {name: value for name, value in AUTOMATICS.items() if name in settable}
     locks.update(values)
+
     # automatics first: while one is on, the values that it controls cannot be set
     for name, value in sorted(
         locks.items(), key=lambda item: item[0] not in AUTOMATICS
     ):
         _set(device, present[name], value)
+
     return {
         name: _read_back(device, present[name], value) for name, value in locks.items()
     }

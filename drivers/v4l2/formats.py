@@ -140,6 +140,7 @@ class PictureFormat:
             if image is None or image.shape != (height, width, 3):
                 return None
             return np.asarray(image, np.uint8)
+
         depth, decoder = RAW[self.format]
         lines = content[: self.line * height].reshape(height, self.line)
         pixels = np.ascontiguousarray(lines[:, : width * depth])
@@ -169,6 +170,7 @@ def negotiate(device: Device, settings: V4l2Settings) -> PictureFormat:
         raise CameraRefused(
             device.path, "format", "is interlaced; use a progressive mode"
         )
+
     rate = _negotiate_rate(device, settings)
     return PictureFormat(
         format=name,
@@ -197,6 +199,7 @@ def _negotiate_rate(device: Device, settings: V4l2Settings) -> float:
             f"{wanted:g} Hz became {rate:g} Hz; allowed: {_offered_formats(device)}"
         )
         raise CameraRefused(device.path, "rate", problem)
+
     return rate
 
 

@@ -207,6 +207,7 @@ class CaptureSession:
             if not device.present():
                 raise CameraLost(device.path, "no longer answers")
             return None
+
         capture = self._take()
         if capture is None:
             if not device.present():
@@ -235,9 +236,11 @@ class CaptureSession:
                 raise CameraFaulty(
                     device.path, f"gave {count} buffers of {self._buffers}"
                 )
+
             for index in range(count):
                 self._mappings.append(self._map_buffer(index))
                 self._requeue(index)
+
             device.call(Ioctl.STREAMON, Number(CAPTURE), "starting the stream")
             undo.pop_all()
 

@@ -238,6 +238,7 @@ def remote(
         raise ConfigurationError(
             f"--cluster: a worker {difference}; install the same there"
         )
+
     local = Path(folder) if Path(folder).is_dir() else _local_folder()
     pools = _idle_pools()
     pool = ProcessPool(1, compile_rod) if pools.empty() else pools.get()

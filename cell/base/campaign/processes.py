@@ -241,9 +241,11 @@ class ProcessPool:
             self._remove(running)
             yield running.key, died
             return
+
         if message is PoolMessage.READY:
             running.started_at = time.monotonic()
             return
+
         self._running.remove(running)
         self._idle.append(running.process)
         yield running.key, message.value

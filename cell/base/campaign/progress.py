@@ -67,6 +67,7 @@ class Meter(AbstractContextManager["Meter"]):
         self._started_at = time.monotonic()
         if known:
             self._print(f"resumed after {known} of {count}")
+
         if self._console.is_terminal and known < count:
             self._task = bar.add_task("", total=self._total)
             bar.update(self._task, completed=self._done)

@@ -57,6 +57,7 @@ def measure(part: Part, folder: Path) -> Record:
     record = journal.get(part.key, part.of)
     if record is not None and record.done:
         return record
+
     start = time.perf_counter()
     processor_start = sum(os.times()[:4])
     outcome = None
@@ -67,6 +68,7 @@ def measure(part: Part, folder: Path) -> Record:
         reason = str(error)
     except Exception as error:  # noqa: BLE001  an edge: the other parts go on
         reason = str(Unexpected(error))
+
     # s, with that of children that ended
     processor = sum(os.times()[:4]) - processor_start
     cost = Cost(wall=time.perf_counter() - start, processor=processor)
@@ -186,6 +188,7 @@ def carry_out(
     by_name = {(part.key, part.of): part for part in parts}
     if again:
         journal.forget(by_name)
+
     stored = {name: journal.get(*name) for name in by_name}
     finished = {
         name: record for name, record in stored.items() if record and record.done
@@ -198,6 +201,7 @@ def carry_out(
     unfinished = [part for name, part in by_name.items() if name not in finished]
     if not unfinished:
         return
+
     make_folder(folder)
     for record in engine.measure(unfinished, folder):
         meter.finish(by_name[record.key, record.of].cost, record)

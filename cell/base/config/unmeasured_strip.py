@@ -52,4 +52,5 @@ def unmeasured_strip(known: str) -> StripFile:
     else:
         spread["thickness"] = THICKNESS_RANGE
         content["provenance"].append({"key": "thickness", "source": "assumed"})
+
     return parse(content, StripFile, "length, thickness")

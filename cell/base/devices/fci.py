@@ -64,6 +64,7 @@ def fci_devices(
             ),
             camera_locks=lambda: camera.locks,
         )
+
     world = TwinClock()
     clock = world if lock_step else RealTimeClock(world, CATCHING_UP)
     simulation, plant = simulated(settings, strip, trial, calibrating=calibrating)
@@ -73,6 +74,7 @@ def fci_devices(
         raise ConfigurationError(
             "effects: control_delay cannot be simulated with arm fci; use arm twin"
         )
+
     servers = [] if address is not None else [_start_robot(settings, strip, desk)]
     arm, hand = fci_arm(gripping, clock, address or servers[0].address)
     follow_arm(desk, simulation, arm.catch_up, hand)

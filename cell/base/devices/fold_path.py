@@ -167,6 +167,7 @@ def largest_speed(points: Array, limits: MotionLimits) -> float:
     path = Path.through(points)
     turning = limits.pitch.velocity
     poses = path.poses(np.arange(0.0, path.length, CORNER))
+
     allowed = [
         [
             limits.x.velocity,
@@ -184,6 +185,7 @@ def largest_speed(points: Array, limits: MotionLimits) -> float:
         )
         shares = np.array(most) / np.maximum(needed[: len(most)], LEAST_NEED)
         speeds.append(float(shares.min()) ** (1.0 / order))
+
     return float(min(speeds))
 
 

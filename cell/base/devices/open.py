@@ -66,11 +66,13 @@ def open_cell(
             " fold`, `cell calibrate`, `cell home`, `cell park`, `cell jog`, `cell"
             " open`; elsewhere choose arm twin"
         )
+
     # beside the strip and the record, more threads only wait for each other
     cv2.setNumThreads(1)
     with guarded("arms", settings.drivers.arm):
         open_devices = settings.arm_driver.load()
         devices: Devices = open_devices(settings, strip, trial, calibrating=calibrating)
+
     if settings.camera_driver.opener and devices.plant is not None:  # else it is open
         devices = with_real_camera(devices, settings)
     return devices if calibrating else corrected_devices(devices, settings, strip)

@@ -139,8 +139,10 @@ def grab(settings: V4l2Settings) -> Grab:
         counts = camera.counts
     finally:
         camera.close()
+
     if setup is None:
         raise CellError(f"{settings.device}: was not set up")
+
     rate = (last.sequence - first.sequence) / (last.stamp - first.stamp)
     return Grab(
         frame=last, setup=setup, counts=counts, rate=rate, age=last.arrival - last.stamp

@@ -67,6 +67,7 @@ class Repeats(NamedTuple):
         later = _relative_index(runs)
         if not later.any():
             return cls(scatter, scatter)
+
         about = projection(estimate)
         count = len(estimate.shared)
         owner = np.repeat(np.arange(len(runs)), [len(r) for r in estimate.residuals])
@@ -114,6 +115,7 @@ def _pure_error(
         about = mean - np.average(mean, weights=count)
         squares[channel] += count @ about**2
         freedom[channel] += len(mean) - 1
+
     factors = {}
     for channel, square in squares.items():
         left = max(1, freedom[channel] - spent)
@@ -308,10 +310,12 @@ class ResidualTest(NamedTuple):
         observed, _ = sums[0]
         own = responses[0]
         largest = np.max([np.abs(drawn).max(axis=0) for _, drawn in sums], axis=0)
+
         matched = []
         for (place, samples), z in zip(bins.items(), observed, strict=True):
             side = 1.0 if own[samples].sum() >= 0.0 else -1.0
             matched.append(Bin(*place, side * float(z), _tail(largest, z)))
+
         return sorted(matched, key=lambda each: (each.p, -abs(each.z)))
 
 
@@ -392,6 +396,7 @@ def order_suspicion(estimate: FitEstimate, rng: np.random.Generator) -> str:
     runs = estimate.runs
     if not can_be_ordered(runs):
         return ""
+
     parameters, values = _values_by_run(estimate)
     order = _ranks(np.array([run.index for run in runs]))
     ranks = _ranks(values)
@@ -403,6 +408,7 @@ def order_suspicion(estimate: FitEstimate, rng: np.random.Generator) -> str:
     p = _tail(chance, np.abs(follow[others]).max() - ROUNDING)
     if p >= SUSPECTED:
         return ""
+
     moves = "rises" if follow[k] > 0.0 else "falls"
     return (
         f"values change with the order of the runs (p {p:.1g}), most surely"
@@ -421,6 +427,7 @@ def _values_by_run(estimate: FitEstimate) -> tuple[list[Parameter], Array]:
     responses = [settled_response(estimate, i) for i in range(len(runs))]
     squares = [response.T @ response for response in responses]
     others = OTHERS * sum(squares) / len(runs)
+
     values = []
     for i, (run, response) in enumerate(zip(runs, responses, strict=True)):
         r = robust.clip_residuals(estimate.residuals[i] / scale)
@@ -428,6 +435,7 @@ def _values_by_run(estimate: FitEstimate) -> tuple[list[Parameter], Array]:
         names = [p.name for p in run.local]
         own = estimate.local[i][[names.index(p.name) for p in random]]
         values.append(np.concatenate([estimate.shared - scale * step, own]))
+
     return [*estimate.model.parameters, *random], np.array(values)
 
 

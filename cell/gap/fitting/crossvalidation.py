@@ -47,11 +47,13 @@ class NormalDensity(NamedTuple):
         before, precision = self
         mean = before
         curvature = precision
+
         for _ in range(REWEIGHTED):
             weighed = responses.T * robust.weights(r + responses @ mean)
             curvature = weighed @ responses + precision
             pull = precision @ before - weighed @ r
             mean = np.asarray(np.linalg.solve(curvature, pull))
+
         moved = mean - before
         loss = robust.bounded_loss(r + responses @ mean).sum()
         loss += 0.5 * (moved @ precision @ moved)

@@ -249,12 +249,14 @@ class FitEstimate:
         prior = unknowns.precision
         gradient = prior * (self.z - unknowns.mean)
         curvature = np.diag(prior)
+
         runs = zip(self.residuals, self.jacobians, strict=True)
         for i, (r, jacobian) in enumerate(runs):
             weighted = jacobian.T * (robust.weights(r / s) / s**2)
             columns = unknowns.columns(i)
             gradient[columns] += weighted @ r
             curvature[np.ix_(columns, columns)] += weighted @ jacobian
+
         return NormalEquations(gradient, curvature)
 
     def on(self, indices: Sequence[int]) -> Self:
@@ -317,12 +319,14 @@ def refit(
     point = unknowns.point(np.concatenate([start.shared, *start.local]))
     use: JacobianUse = "new" if jacobians is None else "kept"
     fit = yield from _estimate_at(model, runs, point, jacobians)
+
     for _ in range(steps):
         equations = fit.normal()
         step = equations.bounded_step(unknowns.low - fit.z, unknowns.high - fit.z)
         promised = equations.decrease(step)
         if promised < enough:
             break
+
         trial = yield from _line_search(fit, equations.curvature, step)
         gain = fit.objective - trial.objective_at(fit.scale)
         ended = use == "new" and gain < enough
@@ -331,9 +335,11 @@ def refit(
             trial = replace(
                 trial, jacobians=_broyden_update(fit, trial, equations.curvature)
             )
+
         fit = trial if gain > 0.0 else replace(fit, jacobians=trial.jacobians)
         if ended:
             break
+
         if use == "new":
             fit = yield from _estimate_at(model, runs, fit.point)
     return fit
@@ -419,6 +425,7 @@ def _broyden_update(
     unknowns = fit.unknowns
     change = trial.z - fit.z
     units = np.diag(curvature)
+
     updated = []
     rows = zip(fit.raw, trial.raw, fit.runs, fit.jacobians, strict=True)
     for i, (a, b, run, jacobian) in enumerate(rows):
@@ -428,6 +435,7 @@ def _broyden_update(
         beyond = np.nan_to_num((b.mean - a.mean) / run.samples.scale - jacobian @ step)
         length = max(float(along @ step), np.finfo(float).tiny)
         updated.append(jacobian + np.outer(beyond, along) / length)
+
     return updated
 
 

@@ -95,6 +95,7 @@ class NormalEquations(NamedTuple):
         step = best = np.zeros_like(gradient)
         felt = diagonal > 0.0
         free = felt & ~_pushed_out(gradient, step, low, high)
+
         least = 0.0
         for _ in range(len(step) + 3):
             step, free = _minimise_free(gradient, ridged, step, free, low, high)
@@ -103,12 +104,15 @@ class NormalEquations(NamedTuple):
             if value < least:
                 best = step
                 least = value
+
             inside = (low < high) & ~_pushed_out(slope, step, low, high)
             back = felt & inside & ~free
             if not back.any():
                 break
+
             pull = np.where(back, np.abs(slope) / np.sqrt(diagonal + 1e-300), -1.0)
             free[np.argmax(pull)] = True
+
         return best
 
 
@@ -131,6 +135,7 @@ def _minimise_free(
         over = free & (step != inside)
         if not over.any():
             break
+
         step[over] = inside[over]
         free &= ~over
     return step, free

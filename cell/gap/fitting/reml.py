@@ -83,6 +83,7 @@ def reml_spreads(estimate: FitEstimate) -> tuple[Spread, ...]:
     varying = {p.name: p for run in estimate.runs for p in run.local if p.random}
     if not varying or len(estimate.runs) < 2:
         return ()
+
     likelihood = Likelihood.of(estimate, varying)
     parameters = list(varying.values())
     common = [k for k, p in enumerate(parameters) if p.common]
@@ -262,6 +263,7 @@ class SpreadFit(NamedTuple):
         mean: float = likely @ SPREAD_GRID / likely.sum()
         if not common:
             return mean
+
         odds = COMMON / (1.0 - COMMON) * self._bayes_factor(i, losses)
         return mean * (odds / (1.0 + odds))
 

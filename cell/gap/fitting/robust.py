@@ -85,6 +85,7 @@ def long_run_variance(runs: Sequence[FitRun], residuals: Sequence[Array]) -> flo
     power, products = _autocovariance(runs, clipped)
     if power <= 0.0:
         return 1.0
+
     rho = products / power
     total = 1.0
     for k in range(0, len(rho) - 1, 2):
@@ -92,6 +93,7 @@ def long_run_variance(runs: Sequence[FitRun], residuals: Sequence[Array]) -> flo
         if pair <= 0.0:
             break
         total += 2.0 * pair
+
     stated_power = sum(len(r) * s * s for r in residuals)
     return float(total * min(1.0, power / stated_power))
 

@@ -64,11 +64,13 @@ class DrawnVerdict(Verdict):
         }
         names = [*map(plain, noise)]
         drawn: Figure
+
         with canvas(6.0, 1.4 + 0.5 * len(noise)) as drawn:
             label = "rms of held-out runs, in units of their noise"
             axis = _bars(drawn, names, sizes, label)
             axis.axvline(1.0, color=INK, lw=0.8, label="noise")
             _legend_above(drawn, axis)
+
         return drawn
 
 
@@ -125,10 +127,12 @@ def heat_map(places: Sequence[Bin]) -> str:
     high = len(rows)
     wide = len(columns)
     grid, surest = np.full((2, high, wide), np.nan)
+
     for (row, column), place in cells.items():
         at = rows.index(row), columns.index(column)
         grid[at] = abs(place.z)
         surest[at] = place.p
+
     highest = max(9.0, np.nanmax(grid))
     scale = FuncNorm((np.log1p, np.expm1), 0.0, highest)
     with canvas(max(5.0, 1.8 + COLUMN * wide), max(2.0, 0.9 + 0.3 * high)) as figure:
@@ -146,6 +150,7 @@ def heat_map(places: Sequence[Bin]) -> str:
         )
         for i, j in np.argwhere(surest < SIGNIFICANT).tolist():
             axis.plot(j, i, "o", ms=2.5, color=INK)
+
         ticks = [z for z in HEAT_TICKS if z <= highest]
         figure.colorbar(
             image, ax=axis, pad=0.01, ticks=ticks, label="sigma beyond noise"
@@ -168,6 +173,7 @@ def residual_traces(
     by_series = [rows for rows in by_series if len(rows) > 1]
     if not by_series:
         return ""
+
     means = {word: fit.raw[run].mean for word, fit in fits.items()}
     times = t[np.concatenate(by_series)]
     count = len(by_series)
@@ -177,6 +183,7 @@ def residual_traces(
         last = axes[-1]
         for axis, rows in zip(axes, by_series, strict=True):
             _residual_trace(axis, samples, rows, means, quantities)
+
         first.set_xlim(times.min(), times.max())
         last.set_xlabel("time [s]")
         _legend_above(figure, first)
@@ -201,9 +208,11 @@ def _residual_trace(
     axis.fill_between(t, -band, band, color=RULE, lw=0, gid="2 sigma of the noise")
     zone, *others = {*samples.zone[rows]}
     name = f"{samples.channel[first]}{'' if others else f' {zone}'}"
+
     for (word, mean), colour in zip(means.items(), COLOURS, strict=False):
         shown = factor * mean[rows]
         axis.plot(t, shown, color=colour, lw=1.2, label=word, gid=f"{name}, {word}")
+
     axis.set_ylabel(f"{name}\n[{quantity.unit}]")
     axis.axhline(0.0, color=INK, lw=0.5)
 
@@ -230,11 +239,13 @@ def worst_moment(runs: Sequence[RunScenes]) -> Worst | None:
         before = curves.get("before")
         if not (curve and len(curve.t) and before):
             continue
+
         measured = curve.points
         distances = [*map(_distance, measured, before.points)]
         image = int(np.argmax(distances))
         if found and found.off["before"] >= distances[image]:
             continue
+
         off = {
             k: _distance(measured[image], c.points[image]) for k, c in curves.items()
         }
@@ -268,6 +279,7 @@ def _midline(axis: Axes, run: RunScenes, k: int) -> None:
     axis.plot(*points.T, "o", ms=3.5, color=INK, alpha=0.35, mew=0, label="measured")
     for (word, line), colour in zip(drawn.items(), COLOURS, strict=False):
         axis.plot(*line.T, color=colour, lw=1.6, label=SIMULATED[word])
+
     low = points.min(axis=0)
     high = points.max(axis=0)
     x, z = 0.5 * (low + high)

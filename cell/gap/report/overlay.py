@@ -85,6 +85,7 @@ def _run_tab(run: RunScenes) -> Any:
     if not run.measured.curve:
         grid = rrb.Grid(*plots, grid_columns=2)
         return rrb.Vertical(verdict, grid, row_shares=[1, 6], name=title)
+
     log = rrb.TextLogView(origin=f"{root}/events", name="events")
     legend = "strip: measured (white), before (orange), after (blue)"
     place = f"{root}/{scene.WORLD}"
@@ -155,6 +156,7 @@ def _log_curve(
     curve = drawn.curve
     if not (curve and len(curve.t)):
         return
+
     t, places = curve
     depth = -DEPTHS[word]
     colour = CURVE_COLOURS[word]
@@ -166,6 +168,7 @@ def _log_curve(
     else:
         columns = scene.lines(curves)
         look = rr.LineStrips3D.from_fields(colors=colour, radii=CURVE_RADIUS)
+
     _send_shapes(recording, f"{root}/curve/{word}", t, columns, look)
 
 

@@ -145,6 +145,7 @@ def _base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         start = number_text(in_small_unit(p.start, unit), 4)
         refitted, *ends = interval_numbers(verdict.base[name], unit, 4)
         rows.append((name, start, refitted, " to ".join(ends), shown_unit(unit)))
+
     return {
         "rows": rows,
         "note": note if weak else "The runs at least halve what was uncertain of each.",
@@ -189,6 +190,7 @@ def _worst_values(
             "figure": figures.residual_traces(fits, run, findings.quantities),
             "says": f"Measured minus simulated in {name}, which the fit had not seen.",
         }
+
     before, after = (millimetres(worst.off.get(key)) for key in ("before", "after"))
     found = f", {after} with what was found" if "after" in worst.off else ""
     says = (
@@ -211,6 +213,7 @@ def _sizes(verdict: Verdict) -> list[tuple[str, str, str]]:
             size, *ends = interval_numbers(value, unit)
             shown = f"{size} {shown_unit(unit)}".strip()
             rows.append((f"{of}: {plain(name)}", shown, " to ".join(ends)))
+
     return rows
 
 
@@ -322,6 +325,7 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     subject = findings.subject
     if subject.kind != "strip" or not verdict.effects:
         return nothing
+
     values = verdict.values_with(verdict.effects)
     patches = (subject.patch(*each, "") for each in (({}, {}), values))
     rows = []
@@ -334,6 +338,7 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
             rows.append((name, millimetres(displacement, signed=True)))
     except CellError:
         return nothing
+
     return {"rows": rows, "figure": figures.folds(shapes)}
 
 
@@ -345,19 +350,23 @@ def _verdict_card(
     if effects := verdict.effects:
         number = percent(min(effect.confidence for effect in effects))
         below = "probable; causes outside\nthe library count against it"
+
     lines = [sentence(findings, verdict)]
     if findings.held_out_fits.changed:
         lines.append(capitalised(verdict.held_out_sentence) + ".")
     if verdict.untested:
         names = ", ".join(each.what for each in verdict.untested)
         lines.append(f"These runs could not show: {names}.")
+
     tone = TONES[verdict.verdict]
     if verdict.deviates:
         tone = "bad" if tone == "bad" else "fair"
         lines = [capitalised(deviation_text(verdict.deviates)) + ".", *lines]
+
     said = headline(verdict)
     if rows := planned["rows"]:
         said = _fold_sentence(verdict, [text for _, text in rows])
+
     return Card(tone, said, tuple(lines), number, below)
 
 

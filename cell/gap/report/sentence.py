@@ -88,6 +88,7 @@ def headline(verdict: Verdict) -> str:
     if verdict.deviates:
         names = ", ".join(plain(d.parameter) for d in verdict.deviates)
         parts.append(f"Not as the file states: {names}")
+
     for effect in verdict.effects if verdict.verdict == "named" else ():
         sizes = effect.parameters
         first, *_ = sizes
@@ -95,6 +96,7 @@ def headline(verdict: Verdict) -> str:
         sure = [n for n, v in sizes.items() if v.unit == unit and _is_sure(v)]
         name, *_ = [*sure, first]
         parts.append(f"{effect.name}: {plain(name)} {interval_text(sizes[name])}")
+
     parts += filter(None, [TITLES.get(verdict.verdict)])
     return "; ".join(parts)
 
@@ -132,6 +134,7 @@ def _name_effects(findings: Findings, verdict: Verdict) -> str:
         )
         shown = findings.accepted.names - {e.name for e in findings.separable}
         text += f" (the numbers are with {' and '.join(sorted(shown))})."
+
     return capitalised(text)
 
 

@@ -36,15 +36,19 @@ def held_out(
     check(names, requested)
     if requested:
         return list(dict.fromkeys(requested))
+
     conditions = folds(subject.runs, most=len(names))
     loss = _information_loss(subject, simulate)
     indices = _dispensable_runs(conditions, loss)
+
     for condition in conditions:
         is_free = len(condition) > 1 and not set(condition) & set(indices)
         if is_free and loss(condition) >= ALONE:
             indices += condition[-1:]
+
     if not indices and len(conditions) > 1:
         indices = conditions[1]
+
     return [names[i] for i in indices]
 
 

@@ -73,6 +73,7 @@ def floor_responses(
     shares = [run.samples.floor / run.samples.scale for run in base.runs]
     floor = np.array([share @ share for share in shares])
     starts = np.cumsum([0, *map(len, shares[:-1])])
+
     by_effect: dict[str, Array] = {}
     for p in probed:
         firsts = np.concatenate([group[:, :1] for group in p.responses], axis=1)
@@ -84,6 +85,7 @@ def floor_responses(
         size = np.sqrt(floor @ by_run / np.sum(by_run**2, axis=0))
         share = size / np.sqrt(max(felt.sum(), 1))
         by_effect[p.name] = firsts[:, felt] * (share / norms[felt])
+
     return by_effect
 
 
@@ -144,6 +146,7 @@ class Posterior(NamedTuple):
                 continue
             held.append(nats)
             against += [nats + n for two, n in shared if not holds(names - two)]
+
         if not against:
             return np.inf
         if not held:
@@ -195,10 +198,12 @@ def shared_causes(fit: FitEstimate, odds: float) -> list[tuple[frozenset[str], f
         parts = [changes[e.name].sum(axis=0) for e in two]
         sizes = sum(map(np.linalg.norm, parts))
         left = np.linalg.norm(sum(parts)) / max(sizes, LEAST_NORM)
+
         unlike = (1.0 - low / (high or 1.0), EQUAL), (float(left), CANCELLED)
         for apart, within in unlike:
             density = stats.halfnorm.logpdf(apart, scale=within)
             pairs.append((names, density - odds))
+
     return pairs
 
 
@@ -290,6 +295,7 @@ class _SharedTerms(NamedTuple):
         error = law_error * self.weight
         if not error.any():
             return weighed, 0.0
+
         logdet = 0.0
         first = 0
         for samples in (run.samples for run in self.base.runs):
@@ -302,6 +308,7 @@ class _SharedTerms(NamedTuple):
                 weighed[rows] = solve_triangular(lower, weighed[rows], lower=True)
                 logdet += 2.0 * np.log(np.diag(lower)).sum()
             first += len(samples)
+
         return weighed, logdet
 
 

@@ -136,6 +136,7 @@ def _secants(origin: FitEstimate, model: Model, score: Score) -> Sequence[Array]
     sizes = [len(e.parameters) for e in model.effects]
     if [*map(len, rows)] != sizes or not origin.names <= model.names:
         return None
+
     shared = origin.by_run(np.concatenate([base, *rows]).T)
     return [
         np.concatenate([of_shared, jacobian[:, count:]], axis=1)
@@ -245,12 +246,14 @@ def probe_equations(
     columns: dict[tuple[str, int], Columns] = {}
     column = 0
     parts = [np.zeros((len(projection.residual), 0))]
+
     for p in alive:
         for group, response in enumerate(p.responses):
             first = column
             column = column + len(response.T)
             columns[p.name, group] = np.arange(first, column)
             parts.append(projection.weigh(response))
+
     form = projection.form(np.concatenate(parts, axis=1))
     return ProbeEquations(alive, form, columns)
 
@@ -296,8 +299,10 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
         if gain > probe_gain and all(choice):
             probe_gain = gain
             best_probe = values
+
     if probe_gain <= LEAST_SHARE * best.gain:
         best_probe = values_at_best if any(p.has_threshold for p in members) else {}
+
     return replace(
         best,
         probe_starts=_probes_to_fit(members, best_probe),
@@ -358,6 +363,7 @@ def _best_mix(
     names = tuple(p.name for p in members)
     chosen = list(zip(members, choice, strict=True))
     columns = np.concatenate([equations.columns[p.name, group] for p, group in chosen])
+
     low = []
     high = []
     for p, group in chosen:
@@ -365,6 +371,7 @@ def _best_mix(
             reach = FARTHEST if group else _largest_multiple(p.candidate, vector)
             low.append(-reach if _allows_both_signs(p.candidate, vector) else 0.0)
             high.append(reach)
+
     gradient, curvature = equations.form
     form = NormalEquations(gradient[columns], curvature[np.ix_(columns, columns)])
     amounts = form.bounded_step(np.array(low), np.array(high))
@@ -476,5 +483,6 @@ def _detection_limit(
                 limit = p.start + moved * factor
                 stated = p.stated_value(limit) if p.low <= limit <= p.high else None
                 limits.append((abs(np.log(factor)), stated))
+
     _, nearest = min(limits, key=itemgetter(0), default=(0.0, None))
     return nearest

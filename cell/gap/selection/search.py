@@ -126,11 +126,13 @@ class Search:
                 leads = names not in expected or after <= expected[names][0]
                 if is_new and promises and leads:
                     expected[names] = (after, joint)
+
         order = sorted(expected.values(), key=itemgetter(0))
         scores = [score for _, score in order[: BUDGET.additions * len(models)]]
         if len(models) > 1:
             free = self._with_shape_parameters(fits)
             scores = self.shortlist(fits.base.estimate, scores, free, BUDGET.additions)
+
         return self.fit_scored_models(fits, scores)
 
     def shortlist(
@@ -149,6 +151,7 @@ class Search:
         for score in scores:
             model, points = fit_starts(base, score, candidates)
             tasks.append(_few_steps(model, base.runs, points[1:] or points))
+
         estimates = [best(tried) for tried in run_all(self.simulate, tasks)]
         dispersion = min((e.scale for e in estimates), default=1.0)
         pairs = zip(scores, estimates, strict=True)
@@ -214,11 +217,13 @@ class Search:
         ranked = ranked_singles(probe_equations(beside, others))[: BUDGET.probed]
         promising = {score.names[0]: score for score in ranked}
         thresholds = {p.name for p in others if p.has_threshold}
+
         tasks = []
         for c in self._with_shape_parameters(fits):
             if score := promising.get(c.name):
                 probes = c.probes if c.name in thresholds else _probe_at_start(c, score)
                 tasks.append(run_probes(fit, replace(c, probes=probes)))
+
         scores = ranked_singles(probe_equations(beside, run_all(self.simulate, tasks)))
         return [
             s if s.names[0] in thresholds else replace(s, probe_starts=())
@@ -273,12 +278,15 @@ def _best_short_fit(
         promising = promising or [best(estimates)]
     elif not promising:
         return None
+
     if incumbent or len(promising) > 1:
         more = BUDGET.short_steps - BUDGET.first_steps
         points = [(e.point, e.jacobians) for e in promising]
         promising += yield from _few_steps(model, runs, points, more)
+
     if incumbent and best([incumbent, *promising]) is incumbent:
         return None
+
     return best(promising)
 
 
@@ -332,6 +340,7 @@ def _with_other_sign(
     shared, others = beside.values
     _, fitted = fit.values
     side = fitted[name][0] - null[0]
+
     starts: list[Start] = []
     for score in ranked_singles(probe_equations(projection(beside), [probed])):
         for start in (score.start, score.opposite_sign or {}):
@@ -339,8 +348,10 @@ def _with_other_sign(
             if (values[0] - null[0]) * side < 0.0:
                 joint = fit.model.join(shared, {**others, name: values})
                 starts.append((Point(joint, beside.local), None))
+
     if not starts:
         return None
+
     started = yield from _best_short_fit(beside, fit.model, starts, fit)
     return (yield from _finish(started, promising=True)) if started else None
 

@@ -82,6 +82,7 @@ def _names(folders: Sequence[Path]) -> list[str]:
     short = [_utf8(f.name) for f in folders]
     if len(set(short)) == len(short):
         return short
+
     parents = [f.parents[1] if f.parent.name == "runs" else f.parent for f in folders]
     found: dict[str, Path] = {}
     for parent, folder in zip(parents, folders, strict=True):
@@ -91,6 +92,7 @@ def _names(folders: Sequence[Path]) -> list[str]:
                 f"{folder}: has the name of {found[name]}; rename one of them"
             )
         found[name] = folder
+
     return [*found]
 
 

@@ -86,6 +86,7 @@ def clock_of(table: Mapping[str, Array], path: Path, least: int) -> Array:
             f"{path}: t: has {len(t)} rows; at least {least} are needed, at"
             f" most {MOST_ROWS} are read"
         )
+
     check_order(t, str(path))
     steps = np.diff(t)
     longest = steps.max()
@@ -96,6 +97,7 @@ def clock_of(table: Mapping[str, Array], path: Path, least: int) -> Array:
             f" (steps of {usual:g} s); the clock was set or rows are lost: cut the run"
             " there"
         )
+
     return t
 
 
@@ -104,6 +106,7 @@ def clock(t: Array) -> Iterator[Finding]:
     steps = np.diff(t)
     if not (steps > 0.0).all():  # the reader refuses rows out of order
         return
+
     worst = np.argmax(steps)
     gap = f"the rows are missing, the longest gap {steps[worst]:.2g} s at"
     remedy = "record on a machine that keeps up, or leave the run out"

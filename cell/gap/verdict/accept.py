@@ -137,6 +137,7 @@ def accept(
         changes = _changes(out, files, file, cell_file)
         effects = record.laws if law else record.effects or record.values
         _store_undo(out, file, effects, changes)
+
         try:
             _write_all(changes)
         except ConfigurationError:
@@ -159,18 +160,21 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> AcceptResult:
             raise ConfigurationError(
                 f"{file}: nothing was accepted into it, so there is nothing to undo"
             )
+
         last = stored[-1]
         if last.fit != _name(out):
             raise ConfigurationError(
                 f"{out}: is not the fit that was accepted last, which is {last.fit};"
                 " undo that one first"
             )
+
         back, states = _way_back(last, file, cell_file)
         if "changed" in states:
             path = back[states.index("changed")].path
             raise ConfigurationError(
                 f"{path}: has changed since the acceptance; edit it by hand"
             )
+
         _check_writable(back)
         _write_all(back)
         _store(file, stored[:-1])
@@ -190,9 +194,11 @@ def offered(
     wanted: list[StepKind] = ["accept_law"] if law else ["accept", "accept_values"]
     if force and not law:
         wanted.append("accept_suspected")
+
     found = [record.patches[kind] for kind in wanted if kind in record.patches]
     if found:
         return found[0]
+
     what = "no law was offered" if law else "nothing was named"
     steps = "; or: ".join(step.sentence for step in read_verdict(out / VERDICT).steps)
     raise ConfigurationError(
@@ -353,6 +359,7 @@ def _files_by_name(
                 " the cell file; name the same --configs as for accept"
             )
         found[name] = path
+
     return found
 
 
@@ -409,11 +416,13 @@ def _with_cell(text: str, path: Path, patch: Path) -> str:
     content = parse_yaml(text, str(path))
     _check_cell(content, path)
     merged = content | {"effects": (content.get("effects") or {}) | effects}
+
     for key, parts in (("fci", added.fci), ("twin", added.twin)):
         old: dict[str, Any] = content.get(key) or {}
         new = {k: (old.get(k) or {}) | part for k, part in parts.items()}
         if new:
             merged[key] = old | new
+
     _check_cell(merged, path)
     return edit_yaml(text, merged)
 

@@ -254,9 +254,11 @@ def _untested(findings: Findings) -> Iterator[Untested]:
     if len({run.condition for run in runs}) == len(runs) and not can_be_ordered(runs):
         why = "no condition was repeated: a drift could not be looked for"
         yield Untested(what="drift", why=why)
+
     yield from (Untested(what=what, why=why) for what, why in subject.untested)
     for name in subject.scope.withheld:
         yield Untested(what=name, why="withheld from the library")
+
     limits = findings.screen.detectable
     for effect in subject.scope.candidates:
         name = effect.name

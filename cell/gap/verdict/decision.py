@@ -221,6 +221,7 @@ def _gains(results: FitResults) -> tuple[list[float], list[float]]:
             by_run.append(gain.sum())
             for name in np.unique(quantity):
                 by_quantity[str(name)] += gain[quantity == name].sum()
+
     return by_run, [*by_quantity.values()]
 
 
@@ -305,16 +306,19 @@ def doubtful_values(
     """
     if not subject.scope.believed:
         return []
+
     groups: list[list[str]] = []
     refuted = _strained(accepted.estimate)
     base, by_effect = accepted.model.split(accepted.estimate.changes)
     strained = base[[p.name in refuted for p in accepted.model.base]].sum(axis=0)
+
     for name, rows in by_effect.items():
         if abs(_cosine(rows.sum(axis=0), strained)) > ALIKE:
             groups.append([name, *refuted])
         without = fits.of(accepted.names - {name})
         if without and gain(accepted, without, fits.likelihood) < MIN_GAIN:
             groups.append([name, *_strained(without.estimate)])
+
     return [group for group in groups if len(group) > 1]
 
 
@@ -366,11 +370,13 @@ def reasons(findings: Findings) -> list[str]:
         words.append(f"run {run} differs from all others")
     if repeats.drifts:
         words.append(f"the specimen changes from run to run: {repeats.drift}")
+
     if repeats.differ:
         factor = max(repeats.inflation.values())
         words.append(
             f"repeats of one condition differ by {factor:.1f} times the stated noise"
         )
+
     return words
 
 

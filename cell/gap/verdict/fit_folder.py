@@ -156,9 +156,11 @@ def _complete_move(out: Path) -> None:
     mark = stage / RECORD
     if not mark.is_file():
         return
+
     new = _read(mark)
     earlier = _known_records(out)
     _check_own(out, [new, *earlier])
+
     with writing(out):
         for name in {name for record in earlier for name in record.results}:
             if name not in new.results:
@@ -187,6 +189,7 @@ def read_record(out: Path) -> FitRecord:
             raise ConfigurationError(
                 f"{path}: has changed since the fit wrote it; fit again"
             )
+
     return record
 
 

@@ -60,6 +60,7 @@ def offered_law(
     """
     if held_out_gap.excess_of(before) < LEAST_EXCESS:
         return None
+
     laws = _fit_laws(subject, simulate, replace(fits, models=(fits.base,)))
     needed = needed_models(laws, posterior(laws, fits.likelihood))
     for law in (model.estimate for model in needed):
@@ -69,6 +70,7 @@ def offered_law(
             closed = held_out_gap.shrink(before, after, rng).value
             if closed >= LEAST_CLOSED:
                 return _offer(law, closed)
+
     return None
 
 
@@ -84,6 +86,7 @@ def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
     search = Search(simulate, [replace(t, probes=()) for t in terms], probed)
     for size in range(1, MOST_TERMS):
         fits = search.extend(fits, fits.near_best(size)[:1])
+
     return fits
 
 

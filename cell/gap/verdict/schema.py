@@ -307,8 +307,10 @@ class Verdict(VerdictPart):
                 f"{effect.name}: {values}; right with probability"
                 f" {effect.confidence:.2f}"
             )
+
         for names in self.ambiguous:
             yield f"alike in these runs: {', '.join(names)}"
+
         if self.unexplained:
             yield f"unexplained: {self.unexplained.description}"
         if self.effects:
@@ -316,6 +318,7 @@ class Verdict(VerdictPart):
             yield f"{self.held_out_sentence}{beside}"
         if self.untested:
             yield f"not tested: {'; '.join(map(str, self.untested))}"
+
         for note in self.notes:
             yield f"note: {note}"
 

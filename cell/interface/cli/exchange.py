@@ -66,8 +66,10 @@ def import_runs(
         return
     if out is None:
         raise ConfigurationError("--out: is missing; name the folder of the runs")
+
     with busy("reading the tables"):
         made = _convert(places, mapping, out, model, found)
+
     if as_json:
         print_json(*({"run": folder} for folder in made))
     else:

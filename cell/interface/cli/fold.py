@@ -165,6 +165,7 @@ class FoldOptions:
         """
         if self.until is None:
             return None
+
         offset = metres("--until", self.until, LARGEST_OFFSET)
         if self.rehearse:
             raise ConfigurationError(
@@ -179,6 +180,7 @@ class FoldOptions:
             raise ConfigurationError(
                 "--until: corrects each fold by those before; use --learning on"
             )
+
         return offset
 
     def request(self, configurations: Configs, strip: str) -> "Request":
@@ -385,6 +387,7 @@ class _ProgressLine:
         self._count += 1
         if self._count % TICKS_SHOWN:
             return
+
         pose = snapshot.arm.pose
         self._begin = max(self._begin, pose.x)
         text = f"{self._strip}  {snapshot.state:<9}"
@@ -392,6 +395,7 @@ class _ProgressLine:
         measurement = snapshot.view.measurement
         if measurement is not None and math.isfinite(measurement.contact_x):
             text += f"  desk contact {1e3 * measurement.contact_x:4.0f} mm"
+
         done = 0.0 if self._begin <= 0 else 1.0 - pose.x / self._begin
         self._show(text, min(max(done, 0.0), 1.0))
 

@@ -63,14 +63,17 @@ def guard_streams() -> Outlet | None:
     """
     if sys.stdout is not sys.__stdout__ or sys.stderr is not sys.__stderr__:
         return None
+
     for descriptor in (0, 1, 2):
         try:
             os.fstat(descriptor)
         except OSError:
             os.open(os.devnull, os.O_RDWR)  # the lowest one free, which is this
+
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             print(end="", file=stream, flush=True)
+
     out = Outlet(1, "w", closefd=False)
     sys.stdout = _text_stream(out, sys.stdout)
     sys.stderr = _text_stream(Outlet(2, "w", closefd=False), sys.stderr)

@@ -40,6 +40,7 @@ def list_strips(
     """
     if context.invoked_subcommand is not None:
         return
+
     configurations = find_configs(configs)
     all_strips: list[StripFile] = []
     for name in configurations.strip_names():
@@ -47,11 +48,13 @@ def list_strips(
             all_strips.append(configurations.strip(name))
         except ConfigurationError as error:  # the others are listed all the same
             notice(str(error))
+
     if as_json:
         print_json(
             *(strip.model_dump(mode="json", by_alias=True) for strip in all_strips)
         )
         return
+
     columns = ("strip", "length mm", "width mm", "g/m²", "bending mm", "retardation ms")
     keys = ("length", "width", "areal_density", "bending_length", "retardation_time")
     rows = [

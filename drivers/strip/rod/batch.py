@@ -131,6 +131,7 @@ def _flat_states(natures: Array) -> Array:
         states[:, :, at.HELD] = np.inf
         bearing = natures[:, 1:-1, at.DESK].sum(axis=1)
         states[:, 1, at.HELD] = natures[:, 1, at.CLING] * bearing
+
     return states
 
 

@@ -112,6 +112,7 @@ def _moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
         gradual, gradual_slope = gradual_friction(block, r, eps)
         total = total + lagging + gradual
         slope = slope + lagging_slope + gradual_slope
+
     return total, slope
 
 
@@ -198,10 +199,12 @@ def internal_forces(block: Any, rate: Any) -> None:
     end = state.shape[0] - 2
     if block.last == end:
         _extend_free_end(state)
+
     last_tangent = direction(state, 0)
     tangent = direction(state, 1)
     _segment_turn(block.work, 0, last_tangent)
     moment_left = _node_moment(block, 1, last_tangent, tangent, rate)
+
     for r in range(at.FIRST_FREE_NODE, end + 1):
         next_tangent = direction(state, r)
         moment_right = _node_moment(block, r, tangent, next_tangent, rate)

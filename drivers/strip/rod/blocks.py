@@ -150,6 +150,7 @@ def _step_block(batch: Any, b: int, poses: Any, output: Any, pace: Any) -> None:
     state = batch.state[b]
     block = Block(nature, state, batch.work, batch.band, batch.last, batch.terms)
     step_pace = pace
+
     for k in range(len(poses)):
         if _living_lanes(batch, b, b + 1) == 0:
             break

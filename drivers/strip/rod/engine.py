@@ -167,6 +167,7 @@ class Rod:
             raise ValueError(
                 f"poses {poses.shape}; expected (k, {len(self._batch.grip)}, 3)"
             )
+
         observed = np.empty((len(poses), *self._observed.shape))
         observed[:] = self._observed
         pace = Pace(self._time, dt, min(dt / self._last, LARGEST_RATIO), 1.0)
@@ -178,6 +179,7 @@ class Rod:
         if ended:
             self._record_touches()
             self._batch = compact(self._batch)
+
         return observed
 
     def _record_touches(self) -> None:

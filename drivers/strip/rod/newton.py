@@ -138,6 +138,7 @@ def assemble(block: Any, r: int, rate: Any) -> None:
         xx = xx + drag_xx
         xz = xz + drag_xz
         zz = zz + drag_zz
+
     row_x = far[0], far[1], near[0], near[1]
     row_z = far[2], far[3], near[2], near[3], xz
     _eliminate(block.band, 2 * r, row_x, xx, force_x)
@@ -273,6 +274,7 @@ def solve(block: Any, rate: Any, alive: Any) -> Any:
         internal_forces(block, rate)
         for r in range(at.FIRST_FREE_NODE, block.last + 1):
             assemble(block, r, rate)
+
         _substitute(block.band, 2 * at.FIRST_FREE_NODE, 2 * block.last + 1)
         turned, wildest = _apply_correction(block, unsolved)
         sane = below(turned, LARGEST_TURN) * below(wildest, LARGEST_TURN)

@@ -92,6 +92,7 @@ def _predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
     newest, older = weights(omega)
     ahead = h * (1.0 + 0.5 * omega)
     behind = -0.5 * omega * h
+
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for axis in range(2):
             x = load(state, r, at.X + axis)
@@ -145,6 +146,7 @@ def _store_strain(block: Any, rate: float, alive: Any) -> None:
         update(state, r, at.FRICTION, alive, dry)
         if block.terms is not None:
             store_history(block, r, new, rate, alive)
+
         # friction and history read the last one
         update(state, r, at.EPS1, alive, load(state, r, at.EPS))
         update(state, r, at.EPS, alive, new)
@@ -235,10 +237,12 @@ def _slide_edge(block: Any, alive: Any) -> None:
     away = _slip_length(block, 1)
     for r in range(2):
         update(state, r, at.X, alive, load(state, r, at.X) + away)
+
     borne = splat(state, 0.0)
     for r in range(1, block.last + 1):
         reaction, _ = desk_reaction(block, r)
         borne = borne + reaction
+
     cling = load(block.nature, 1, at.CLING)
     friction = select(below(HUGE, cling), cling, cling * borne)
     update(state, 1, at.HELD, alive, friction)
@@ -254,6 +258,7 @@ def _implicit_step(block: Any, h: float, omega: float, alive: Any) -> Any:
     _predict_strain(block, omega)
     if block.terms is not None:
         predict_terms(block, rate, weights(omega))
+
     unsolved = solve(block, rate, alive)
     solved = alive - unsolved
     _store_velocity(block, rate, solved)
@@ -263,6 +268,7 @@ def _implicit_step(block: Any, h: float, omega: float, alive: Any) -> Any:
         _slide_edge(block, solved)
     if block.last < block.state.shape[0] - 2:
         grip_force(block, h, rate, solved)
+
     return unsolved
 
 
@@ -347,6 +353,7 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
     gate = _implicit_step(block, pace.h, pace.omega, load(grips.alive, 0, 0))
     if not any_lane(gate):
         return gate
+
     _rewind(block, gate)
     start = state.copy()
     for parts in SUBSTEPS:
@@ -357,8 +364,10 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
         _copy_fields(start, (at.EPS, at.FRICTION), state, at.EPS1, moved)
         if block.terms is not None:
             _copy_fields(start, (at.MAXWELL, at.MAXWELL1), state, at.MAXWELL1, moved)
+
         gate = failed
         if not any_lane(gate):
             break
+
     _place_grips(block, grips, 1.0)
     return gate

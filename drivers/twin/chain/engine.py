@@ -281,6 +281,7 @@ class ChainStrip:
                 self._step_until_touch(grip, h)
             else:
                 self._step(grip, h)
+
             self._grip = grip
             self._time += h
 

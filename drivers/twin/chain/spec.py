@@ -78,9 +78,11 @@ class Layers:
             bead.fromto = [0.0, 0.0, outside, lumps.spans[link], 0.0, outside]
         else:
             return
+
         if lumps.cling[link] > 0:
             bead.adhesion = lumps.cling[link]
             bead.gap = CLING_REACH
+
         bead.condim = 3
         bead.friction = [LAYER_FRICTION, 0.0, 0.0]
 
@@ -99,6 +101,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
     _set_options(spec, model.boundary.gravity)
     _add_desk(spec, gap / 2 - sag(-model.boundary.gravity[1]))
     body = spec.worldbody
+
     for node in range(links + 1):
         offset = [lumps.spans[node - 1] if node > 0 else 0.0, 0.0, 0.0]
         body = body.add_body(name=f"node{node}", pos=offset)
@@ -109,6 +112,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
             _solid(body, contype=DESK, conaffinity=0).size = [gap / 2, 0.0, 0.0]
         if layers is not None:
             layers.add(body, node, lumps, gap)
+
     _add_grip(spec, links, model.mechanics.length)
     spec.body("node0").add_site(name="fixed_edge")
     spec.add_sensor(  # of the force with which the fixed edge is held
@@ -227,6 +231,7 @@ def _add_mass(body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
         mass = TIP_MASS * lumps.mass[-1]
         centre = 0.0
         inertia = LONGEST_STEP**2 * lumps.hinges.stiffness[-1]
+
     body.explicitinertial = True
     body.mass = mass
     body.ipos = [centre, 0.0, 0.0]

@@ -124,12 +124,14 @@ class Port(ABC, Generic[K]):
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self._listener.setblocking(False)
+
         try:
             self._listener.bind((address, port))
             self._listener.listen(16)
         except OSError:
             self._listener.close()
             raise
+
         self._guests: dict[int, Connection] = {}
         self.client: Connection | None = None
         self._datagram = b""
@@ -213,8 +215,10 @@ class Port(ABC, Generic[K]):
             connection, _ = self._listener.accept()
         except OSError:
             return False
+
         if len(guests) >= MOST_GUESTS:
             self._refuse(next(iter(guests.values())))
+
         guest = Connection(connection)
         guests[guest.fileno()] = guest
         self._poll.register(guest.fileno(), select.EPOLLIN)

@@ -57,6 +57,7 @@ class Dynamics:
         torque = self._arm.torques(q, rates.velocity, rates.acceleration)
         if plant.payload:
             torque += self._payload_torque(rates.velocity, rates.acceleration)
+
         torque += np.multiply(plant.friction, np.tanh(rates.velocity / FRICTION_WIDTH))
         torque += np.multiply(plant.damping, rates.velocity) + np.multiply(
             plant.cable, q
@@ -174,6 +175,7 @@ class LaggingArm:
             (rates.velocity, rates.acceleration)
         ):
             return
+
         self._motors = self._step(motors, q)
         if self._sag is None:
             self.posture = self._motors

@@ -88,9 +88,11 @@ class EmulatedHand:
         if self.is_grasped and self._between() is None:
             self.is_grasped = False
             self.width = 0.0  # simplified: the fingers close at once
+
         motion = self._motion
         if motion is None:
             return
+
         target = motion.widths[0]
         step = TICK * motion.speed
         if target >= self.width:
@@ -98,6 +100,7 @@ class EmulatedHand:
         elif self._close_to(max(self.width - step, target)):
             self._stop_on_touch(motion)
             return
+
         if self.width == target:
             self._reach_width(motion)
 

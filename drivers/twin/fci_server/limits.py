@@ -83,13 +83,16 @@ class BodyCheck:
         travel = LEVER * float(np.abs(q - self._checked_q).sum())
         if travel < self._room:
             return
+
         gaps = {Reflex.SELF_COLLISION_AVOIDANCE_VIOLATION: float(self_clearance(q))}
         if self._solids is not None:
             gaps[Reflex.CARTESIAN_REFLEX] = float(self._solids.clearance(q).min())
+
         last_gaps = self._gaps
         self._gaps = gaps
         self._checked_q = np.array(q)
         self._room = min(gaps.values())
+
         for reflex, gap in gaps.items():
             deepest_allowed = min(last_gaps.get(reflex, 0.0), 0.0) - DEEPER
             if gap < deepest_allowed:

@@ -173,11 +173,13 @@ class EmulatedRobot:
             or not self.posture.at_rest
         ):
             return MoveStatus.NOT_POSSIBLE
+
         numbered = request.controller in range(3) and request.generator in range(5)
         if not numbered or not all(
             isfinite(part) and part >= 0 for part in request.deviations
         ):
             return MoveStatus.INVALID_ARGUMENT
+
         controller = Controller(request.controller)
         generator = Generator(request.generator + 1)
         if (
@@ -188,6 +190,7 @@ class EmulatedRobot:
             return MoveStatus.NOT_POSSIBLE
         if generator in CARTESIAN and manipulability(self.posture.jacobian) < SINGULAR:
             return MoveStatus.SINGULAR_START
+
         self.motion = ActiveMotion(command_id, generator, controller)
         self.mode = RobotMode.MOVE
         self.reasons = frozenset()
@@ -272,6 +275,7 @@ class EmulatedRobot:
             self._finish(MoveStatus.INPUT_ERROR_ABORTED)
             self._brake()
             return
+
         tool = self.configuration.tool
         self.ticks += 1
         motion.missed = 0
@@ -291,6 +295,7 @@ class EmulatedRobot:
             self.reflex(violation.reflex)
             self._brake()
             return
+
         self.posture = posture
         motion.started = True
         self._check_contact()

@@ -113,11 +113,13 @@ class RobotServer:
         _give_mechanics(self.robot, settings)
         self._lock_step = settings.lock_step
         self._poll = select.epoll()
+
         try:
             self._arm, self._hand_port = self._bind(settings.address)
         except ConfigurationError:
             self._poll.close()
             raise
+
         self.address = self._arm.address
         self._disturbance = Disturbance(faults, self.robot, self._arm, self._freeze)
         self._waker, self._bell = socket.socketpair()
@@ -244,12 +246,15 @@ class RobotServer:
             if time.monotonic() >= self._offer_at:
                 arm.repeat()
                 self._offer_at = time.monotonic() + OFFER_ARM
+
         command = arm.command()
         if command is None:
             return
+
         if arm.datagram_fileno not in events:
             # requests that were sent before this command, and after the wait
             self._poll_sockets(0)
+
         if command.message_id == self.robot.time and self.robot.moving:
             self._follow(command)
             self._offer_at = time.monotonic() + OFFER_ARM
@@ -269,6 +274,7 @@ class RobotServer:
             if command.message_id == robot.time:
                 self._follow(command)
             return
+
         if command is not None and not self._heard:
             self._heard = True
             self._in_time.append(robot.receive(command))
@@ -318,6 +324,7 @@ class RobotServer:
             self._hand_port.publish(robot.time)
         if robot.motion is None:
             in_time.clear()
+
         self._arm.publish(sum(in_time) / max(len(in_time), 1))
 
     def _freeze(self, duration: float) -> None:
@@ -339,16 +346,20 @@ class RobotServer:
         if seconds is not None and 0 < seconds < OFFER_HAND:
             select.select([self._poll], [], [], seconds)  # epoll counts in milliseconds
             seconds = 0
+
         events = {descriptor for descriptor, _ in self._poll.poll(seconds)}
         requests = events - {self._arm.datagram_fileno}
         for descriptor in requests:
             self._hand_port.serve(descriptor)
+
         for descriptor in requests:
             self._arm.serve(descriptor)
             if descriptor == self._waker.fileno() and not self._stopping:
                 self._waker.recv(64)
+
         if requests:
             self._hand_port.discard()
+
         return events
 
 
@@ -362,6 +373,7 @@ def _give_mechanics(robot: EmulatedRobot, settings: ServerSettings) -> None:
         delay += plant.delay
         if any(plant.compliance):
             sag = robot.dynamics.sag
+
     if delay or settings.lag or sag is not None:
         tool = robot.configuration.tool
         robot.trailing = LaggingArm(robot.posture, tool, delay, settings.lag, sag)

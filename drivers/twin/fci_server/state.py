@@ -210,6 +210,7 @@ class Publisher:
                 robot.measured.q, arm.velocity, arm.acceleration
             )
             torque = torque + robot.mistaken * own
+
         turn = (
             robot.posture.reached[:3, :3]
             @ robot.configuration.tool_to_stiffness[:3, :3]

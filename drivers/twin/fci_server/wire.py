@@ -193,14 +193,17 @@ class Framing(Generic[K]):
         header = self.header
         if len(buffer) < header.size:
             return None
+
         number, command_id, size = header.unpack_from(buffer)
         if number not in tuple(self.commands):
             raise Malformed(f"command {number} is unknown")
+
         command = self.commands(number)
         if size != header.size + command.layout.size:
             raise Malformed(f"{command.name} of {size} bytes")
         if len(buffer) < size:
             return None
+
         payload = bytes(buffer[header.size : size])
         del buffer[:size]
         return ClientRequest(command, command_id, payload)

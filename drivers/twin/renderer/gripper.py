@@ -52,6 +52,7 @@ def outlines(scene: WorldState, middle: float, floor: float) -> list[Outline]:
         (finger(width, 1.0), FINGER_WIDTH, 1.0),
     )
     pose = scene.gripper.as_array()[None]
+
     placed = []
     for corners, depth, shade in parts:
         seen = _clip_above(side_view(corners, pose)[0], floor)

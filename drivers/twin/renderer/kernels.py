@@ -73,6 +73,7 @@ def sample_surface(
             points[4, n] = rows.s[i]
             points[5, n] = y
             n += 1
+
     return points
 
 
@@ -126,6 +127,7 @@ def _gather(
         row = int(v)
         if u < 0 or v < 0 or column >= columns - 1 or row >= rows - 1:
             continue
+
         share = _share(points[2, k], u - column, v - row, corner)
         glow = share * points[3, k]
         row += corner[0]
@@ -134,6 +136,7 @@ def _gather(
             count += 1
             numbers[row, column] = count
             sums.pixels[count] = row * columns + column
+
         pixel = sums.values[numbers[row, column]]
         pixel[0] += share
         pixel[1] += glow
@@ -181,10 +184,12 @@ def splat(
     values = np.zeros((largest_count, 2 + tint.shape[1]))
     numbers = np.zeros(image.shape[:2], np.int32)
     sums = Sums(values, np.empty(largest_count, np.int64), numbers)
+
     count = 0
     for down in range(2):
         for right in range(2):
             count = _gather(sums, count, points, tint, origin, (down, right))
+
     for n in range(1, count + 1):
         if values[n, 0] != 0:
             v = sums.pixels[n] // columns

@@ -54,6 +54,7 @@ class ShadowBand:
         end = min(top + len(self.bins), v + height)
         if first >= end:
             return
+
         here = slice(first - top, end - top), slice(u, u + width)
         dark = self.weight[here] * profile.astype(np.float32)[self.bins[here]]
         part = image[first - v : end - v]

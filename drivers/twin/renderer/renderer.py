@@ -172,20 +172,25 @@ class Renderer:
         )
         if window is None:
             return
+
         part = window.crop(self._sharp).copy()
         if curve is not None:
             self._shadow.cast(part, window.origin, shadow_profile(curve))
+
         gripper.draw_hand(part, hand, hand_faces, window.origin, self._gripper)
         for cloud in clouds:
             splat(
                 part, cloud.points, cloud.tint, self._colour, self._light, window.origin
             )
+
         if scene.pointer:
             gripper.draw_pointer(
                 part, scene, optics.seen_from(window.origin), self._gripper
             )
+
         if curve is not None and self._contact_bias:
             self._shift_contact(part, window, scene)
+
         window.put(blur(part, settings.lens_blur), image)
 
     def _shift_contact(self, part: Image, window: Window, scene: WorldState) -> None:
@@ -243,6 +248,7 @@ class Renderer:
             floor = -self._look.thickness / 2
             gain = arm_shadow(surround.lamp, hand, self._optics, size, floor)
             image = scale_brightness(image, gain)
+
         if surround.flicker is not None:
             gain = flicker(
                 surround.flicker, settings.height, scene.stamp, settings.exposure

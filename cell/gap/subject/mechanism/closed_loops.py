@@ -77,6 +77,7 @@ class ClosedLoops:
                 f"{origin}: model: its closed loops leave {count} degrees of freedom,"
                 f" and it has {model.nu} motors; as many are needed: add or remove some"
             )
+
         driven: Array = np.any(transmissions(own, self._data), axis=0)
         # first those with a motor, then others that are measured
         order = sorted(range(model.nv), key=lambda j: (j not in inputs, not driven[j]))
@@ -84,6 +85,7 @@ class ClosedLoops:
         for joint in order:
             if np.linalg.matrix_rank(motions[[*leading, joint]]) > len(leading):
                 leading.append(joint)
+
         independent = self.independent = np.sort(leading)
         self._dependent = np.setdiff1d(np.arange(model.nv), independent)
         together = motions @ np.linalg.inv(motions[independent])
@@ -117,6 +119,7 @@ class ClosedLoops:
         found = []
         independent = self.independent
         dependent = self._dependent
+
         approach = np.linspace(q[independent], angles[0], APPROACH_STEPS)
         for each in (*approach, *angles):
             q[independent] = each
@@ -127,6 +130,7 @@ class ClosedLoops:
                 inverse = np.linalg.pinv(jacobian[:, dependent], RANK_TOLERANCE)
                 q[dependent] -= inverse @ gap
             found.append(q.copy())
+
         return np.array(found[APPROACH_STEPS:])
 
     def maps(self, q: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -143,6 +147,7 @@ class ClosedLoops:
         independent = self.independent
         dependent = self._dependent
         free = np.eye(len(independent))
+
         for row in q:
             jacobian, gap = self._jacobian(row)
             allowed = np.zeros((len(row), len(free)))
@@ -154,6 +159,7 @@ class ClosedLoops:
             motions.append(allowed)
             closed = np.abs(gap).max() < np.sqrt(GAP_TOLERANCE)
             movable.append(closed and np.linalg.cond(driven) < LARGEST_CONDITION)
+
         return np.array(forces), np.array(motions), np.array(movable)
 
     def gap(self, q: Array) -> float:

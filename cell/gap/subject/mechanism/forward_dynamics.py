@@ -63,6 +63,7 @@ class Commands(NamedTuple):
         """
         if not self.u.shape[1]:
             return np.zeros((steps, 0))
+
         edges = np.arange(steps + 1) * step - np.sum(delay)
         # the first and the last are held
         every = np.concatenate([edges, self.t])
@@ -83,10 +84,12 @@ def commands_of(mechanism: Mechanism, recording: Recording) -> Commands:
     t = np.arange(0.0, read[-1] + hold, hold) if hold else read
     after = np.searchsorted(read, t + TIME_ROUNDING, side="right")
     row = np.maximum(after - 1, 0)
+
     u = np.zeros((len(t), model.nu))
     for i in range(model.nu):
         if (name := model.actuator(i).name) in file.inputs:
             u[:, i] = np.interp(read, *recording.known(name))[row]
+
     return Commands(frozen(t), frozen(u))
 
 
@@ -102,6 +105,7 @@ def along_motion(mechanism: Mechanism) -> Mechanism | None:
     columns = m.places
     if m.mode.group or model.neq or model.npair or len(columns) < model.njnt:
         return None
+
     by_command = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (
         model.actuator_biastype + model.actuator_dyntype + model.actuator_gaintype == 0
     )
@@ -109,6 +113,7 @@ def along_motion(mechanism: Mechanism) -> Mechanism | None:
     motors = [motor for motor in every if by_command[motor.id]]
     measured = m.compared("torque")
     signals = (*measured, *(_commanded(model, motor) for motor in motors))
+
     recordings = []
     for r in m.recordings:
         read = r.columns
@@ -118,6 +123,7 @@ def along_motion(mechanism: Mechanism) -> Mechanism | None:
             name = motor.name
             known[f"{name} {COMMAND}"] = motor.gainprm[0] * read[name]
         recordings.append(replace(r, columns=known))
+
     inputs = dict.fromkeys(columns, "position")
     file = m.file.model_copy(update={"mode": PRESCRIBED.name, "inputs": inputs})
     made = replace(m, file=file, signals=signals, recordings=tuple(recordings))
@@ -215,12 +221,14 @@ class SplitModel:
         stiffness = np.minimum(1.0 / compliance, STIFFEST * links)
         for name in ("jnt_stiffness", "qpos_spring"):
             getattr(found, name)[motor] = getattr(edited, name)
+
         if np.any(gap):
             has_play = np.greater(gap, 0.0)
             stiffness = np.where(has_play, 0.0, stiffness)
             width = np.where(has_play, gap, 0.0)
             found.jnt_range[flex] = np.outer(width, (-0.5, 0.5))
             found.jnt_limited[flex] = has_play
+
         found.jnt_stiffness[flex] = stiffness
         ringing = np.sqrt(np.maximum(stiffness, 1.0) * motors)
         found.dof_damping[flex] = 2.0 * DAMPED * ringing
@@ -390,11 +398,13 @@ class ForwardDynamics(MechanismSubject):
         models = [case.edited(stated) for case in cases]
         for model in models:
             mujoco.mj_setConst(model, self._data)
+
         states = self._roll_out(models, cases, control)
         soft = [np.any(read.elastic) or np.any(read.gap) for read in readings]
         if rows := np.flatnonzero(soft).tolist():
             some, of_them = ([each[i] for i in rows] for each in (cases, models))
             states[rows] += self._by_gears(of_them, some, control[rows])
+
         return states, control, models
 
     def _roll_out(
@@ -416,6 +426,7 @@ class ForwardDynamics(MechanismSubject):
         start = np.array([c.start for c in cases])
         for name, values in zip(state, start.swapaxes(0, 1), strict=True):
             batch.bind(name)[:, into] = values
+
         count, steps, _ = control.shape
         with torques().install(self._laws, first):
             try:
@@ -423,6 +434,7 @@ class ForwardDynamics(MechanismSubject):
             except SimulationError:
                 left = steps - self._settle + 1
                 return np.full((count, left, *start.shape[1:]), np.inf)
+
         states = np.stack([out[name][..., into] for name in state], axis=2)
         states = np.concatenate([start[:, None], states], axis=1)
         states[batch.warning.reshape(count, -1).any(axis=1)] = np.inf
@@ -456,6 +468,7 @@ class ForwardDynamics(MechanismSubject):
         sensed = {"site", "sensor"} & {s.kind for s in signals}
         along = poses(model, q.T, mujoco.mj_forward, v.T) if sensed else ()
         sensors = np.array([np.append(d.site_xpos, d.sensordata) for d in along]).T
+
         for k, signal in enumerate(signals):
             match signal.kind:
                 case "torque":
@@ -464,6 +477,7 @@ class ForwardDynamics(MechanismSubject):
                     rows[k] = sensors[signal.joint]
                 case kind:
                     rows[k] = signal.weights @ (q if kind == "position" else v)
+
         encoders = mechanism.mode.encoders(mechanism)
         read = [k for k, s in enumerate(signals) if s.name in encoders]
         scale, bias = (np.reshape(x, (-1, 1)) for x in (errors.scale, errors.bias))
@@ -486,6 +500,7 @@ class ForwardDynamics(MechanismSubject):
         u = control[np.minimum(step, len(control) - 1), actuator]
         if model.actuator_ctrllimited[actuator]:
             u = np.clip(u, *model.actuator_ctrlrange[actuator])
+
         force = (
             gain * u + constant + of_place * gear * q[joint] + of_rate * gear * v[joint]
         )

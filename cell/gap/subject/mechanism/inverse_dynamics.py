@@ -75,6 +75,7 @@ class InverseDynamics(MechanismSubject):
                 f"{origin}: inputs.{missing}: is missing; in mode prescribed every"
                 " joint's motion is given: add it as position"
             )
+
         independent = loop.independent if loop else given
         self._joints = [joints[i].name for i in independent]
         recordings = [*map(self._with_standing, mechanism.recordings)]
@@ -107,8 +108,10 @@ class InverseDynamics(MechanismSubject):
             yield "filters and delays of motors are left out: torques are as read"
         if not loop:
             return
+
         for joint in loop.stand:
             yield f"joint {model.joint(joint).name} has no column: it stands still"
+
         names = [j.name for j in mechanism.joints]
         whole = mechanism.recordings if len(given) == model.nv else ()
         known = [r.poses(names)[::CHECK_EVERY] for r in whole]
@@ -129,6 +132,7 @@ class InverseDynamics(MechanismSubject):
         )
         if model.npair:
             yield "contact pairs"
+
         (data,) = poses(model, [model.qpos0], mujoco.mj_forward)
         drives = transmissions(model, data) != 0.0
         for sensor in self._sensors:
@@ -175,6 +179,7 @@ class InverseDynamics(MechanismSubject):
                 f"{recording.name}: no reading is left beside gaps, limits of joints"
                 " and dead centres; mend angles, zeros or ranges, or leave the run out"
             )
+
         cut = cut._replace(values=filtered).keep(good)
         speed = np.interp(cut.t, motion.t, motion.v @ (1.0 / self.mechanism.rate))
         return Content(cut, speed, recording.load, motion=motion)
@@ -195,6 +200,7 @@ class InverseDynamics(MechanismSubject):
         joint_limited = model.jnt_limited > 0
         if self._loop:  # others bear no part of a compared torque
             joint_limited = joint_limited & ~self._loop.apart
+
         limited = np.append(joint_limited, model.tendon_limited > 0)
         barred = ((at < low + edge) | (at > high - edge)) @ limited
         for s, row in zip(self._sensors, measured, strict=False):
@@ -202,6 +208,7 @@ class InverseDynamics(MechanismSubject):
                 low, high = (1.0 - NEAR) * model.jnt_actfrcrange[s.joint]
                 torque = s.gear * row
                 barred = barred | (torque < low) | (torque > high)
+
         return np.asarray(barred, dtype=bool)
 
     def predict(self, cases: Sequence[Case]) -> list[Array]:
@@ -222,12 +229,14 @@ class InverseDynamics(MechanismSubject):
         v = motion.v
         a = motion.a
         plain = _inverse_dynamics(model, q, v, a)
+
         squares = np.zeros((len(self._sensors), len(q)))
         for k, (rate, acceleration) in enumerate(motion.shake.T):  # encoder by encoder
             moved = motion.moves[:, :, k]
             for dv, da in ((rate * moved, 0.0), (0.0, acceleration * moved)):
                 change = _inverse_dynamics(model, q, v + dv, a + da) - plain
                 squares += self._readings(model, motion.forces, change) ** 2
+
         return np.array([np.interp(t, motion.t, row) for row in np.sqrt(squares)])
 
     def contradictions(self) -> Iterator[Finding]:
@@ -278,6 +287,7 @@ class InverseDynamics(MechanismSubject):
         inverse = self._known.get(key)
         if inverse is None:
             inverse = self._known[key] = _inverse_dynamics(model, q, v, a)
+
         soft = ((np.multiply, readings.elastic), (_play_deflection, readings.gap))
         gears = [(bend, values) for bend, values in soft if np.any(values)]
         if self.mechanism.compared("tracking"):  # measured positions are those of links
@@ -285,10 +295,12 @@ class InverseDynamics(MechanismSubject):
             bent = sum(bends, np.zeros_like(q))
             torque = self._torques(model, case, q, v, inverse)
             return np.vstack([torque, self._tracking(motion, case, bent)])
+
         load = self._loads(motion, model, inverse) if gears else inverse
         for bend, values in gears:
             q, v, a = link_motion(motion, bend(load, values), q, v, a)
             inverse = _inverse_dynamics(model, q, v, a)
+
         return self._torques(model, case, q, v, inverse)
 
     def _loads(self, motion: FilteredMotion, model: Any, inverse: Array) -> Array:
@@ -316,12 +328,15 @@ class InverseDynamics(MechanismSubject):
         if forces is not None and delay:  # readings are stamped late
             late = interpolate_columns(t + delay, t, forces.reshape(len(t), -1))
             forces = late.reshape(forces.shape)
+
         user = np.array(model.jnt_user)
         user[:, torques().at[DRY_FRICTION.name]] += model.dof_frictionloss
         applied = torques().along(q, v, inverse, user)
+
         for effect, values in case.known:
             if effect.path:
                 applied = applied + effect.path(self.mechanism, values, t, q, v)
+
         self._stick(applied, model, forces, motion.torques, q, v, inverse, user)
         return self._readings(model, forces, inverse - applied)
 
@@ -351,6 +366,7 @@ class InverseDynamics(MechanismSubject):
             standing = np.exp(-((rate / (STANDS * self.mechanism.joints[j].rate)) ** 2))
             if not p[at : at + DRY_FRICTION.keys].any():
                 continue
+
             state = q[:, j], rate, inverse[:, j], p, at
             sliding = dry_law(*state)
             limit = dry_limit(*state)

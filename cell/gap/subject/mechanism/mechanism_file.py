@@ -84,6 +84,7 @@ class SignalSpec(Settings):
         """
         if len(_named(self, *OWNERS)) != 1:
             raise ValueError("names one of joint, actuator, site and sensor")
+
         owner = self.owner
         kinds = OWNERS[owner]
         if self.is_ not in kinds:
@@ -92,6 +93,7 @@ class SignalSpec(Settings):
             raise ValueError("axis: x, y or z, of a site alone")
         if self.side and self.is_ != "torque":
             raise ValueError("side: joint or motor, of a torque alone")
+
         return self
 
     @property

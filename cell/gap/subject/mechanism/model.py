@@ -289,10 +289,12 @@ def typical_loads(model: Any) -> tuple[Array, Array]:
     limited = (model.jnt_limited > 0) & (high > low)
     low, high = np.where(limited, (low, high), np.pi * np.array([[-1.0], [1.0]]))
     q = rng.uniform(low, high, (POSES, count))
+
     for data in poses(model, q, mujoco.mj_forward):
         weight = np.maximum(weight, np.abs(data.qfrc_bias))
         mujoco.mj_fullM(model, data, full)
         inertia += np.diag(full) / POSES
+
     return weight, inertia
 
 
@@ -341,6 +343,7 @@ def _expand(
         numbers = [number_of(model, kind, spec.owner, origin, kind)]
     elif kind == "body":
         numbers = [i for i in range(1, model.nbody) if model.body_mass[i] > 0.0]
+
     for number in numbers:
         name = getattr(model, kind)(number).name
         if not name:
@@ -378,6 +381,7 @@ def _base_parameter(
     if field == "com":
         low = -np.inf
         high = np.inf
+
     key = "_".join(filter(None, (field, axis, name)))
     _, unit = FIELDS[field]
     step = STEP * width
@@ -385,6 +389,7 @@ def _base_parameter(
     by_run = _spread_width(spec.by_run or 0.0, size)
     if not by_run:
         return BaseParameter(parameter, put)
+
     what = f"{field} of {name}"
     scatter = ScatterSource(
         f"{key}_run", what, f"keep the {what} steady", unit, by_run, step, common=True
@@ -427,6 +432,7 @@ def _access(
         place = model.body_ipos[i]
         size = float(np.linalg.norm(place))
         return place[k], lambda f, v: setitem(f.body_ipos, (i, k), v), size
+
     joint = mechanism.joints[i]
     name, size = {
         "stiffness": ("jnt_stiffness", joint.torque),

@@ -53,6 +53,7 @@ class ModelSource:
         spec.modelfiledir = f"{self.folder}/"
         for body in spec.bodies[1:]:
             body.simple = False  # an edit may move its mass off its axes
+
         drives = spec.actuators
         on_joint = mujoco.mjtTrn.mjTRN_JOINT
         taken = {d.name for d in drives} | {
@@ -61,6 +62,7 @@ class ModelSource:
         bare = {joint.name for joint in spec.joints} - taken
         for joint in dict.fromkeys(name for name in self.motors if name in bare):
             spec.add_actuator(name=joint, target=joint, trntype=on_joint)
+
         return spec
 
 
@@ -76,9 +78,11 @@ def read_source(path: Path, folder: Path) -> ModelSource:
     root = _root(text, path)
     if root.tag not in ("mujoco", "robot"):
         raise ConfigurationError(f"{path}: root is <{root.tag}>; give MJCF or URDF")
+
     if _include(root, path, folder, digests) or root.tag == "robot":
         _plain_urdf(root, folder, path.parent)
         text = ET.tostring(root, encoding="unicode")
+
     for element in root.iter():
         tag = element.tag
         if tag in ("plugin", "extension"):
@@ -94,6 +98,7 @@ def read_source(path: Path, folder: Path) -> ModelSource:
             raise ConfigurationError(
                 f"{path}: <{tag} file>: is not read; write it into the model"
             )
+
     _check_copies(root, path)
     return ModelSource(text, path.parent, folder, digests=digests)
 
@@ -104,12 +109,14 @@ def _root(text: str, path: Path) -> ET.Element:
     """
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
         raise ConfigurationError(f"{path}: declares XML entities; write them out")
+
     # prefixes may be undeclared in URDFs
     builder = ET.TreeBuilder()
     parser = expat.ParserCreate()
     parser.StartElementHandler = builder.start
     parser.EndElementHandler = builder.end
     parser.CharacterDataHandler = builder.data
+
     try:
         parser.Parse(text, True)
         return builder.close()
@@ -222,6 +229,7 @@ def _check_spec(spec: Any, source: ModelSource, origin: str) -> None:
         raise ConfigurationError(
             f"{origin}: size nkey is {spec.nkey}; allowed: {MOST_BODIES}"
         )
+
     total = 0
     for path in _assets(spec, source, origin):
         total += path.stat().st_size
@@ -318,6 +326,7 @@ def compile_model(
     with _loading(source, origin):
         with _limited_memory():
             spec = source.spec()
+
         edit(spec)
         _check_spec(spec, source, origin)
         option = spec.option
@@ -326,6 +335,7 @@ def compile_model(
         option.timestep = step
         if option.integrator == mujoco.mjtIntegrator.mjINT_EULER:
             option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+
         of_geoms = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
         # each simulation copies the model
         compiler.discardvisual = compiler.inertiafromgeom != of_geoms

@@ -151,6 +151,7 @@ def motion_of(
     if loops:
         forces, moves, movable = loops.maps(q[::stride])
         excluded |= np.repeat(~movable, stride)[: len(grid)]
+
     reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
     known = ~_near_gaps(excluded, reach)
     # white noise of the encoders, of which the filter takes out the part above its

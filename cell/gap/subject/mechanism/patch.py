@@ -64,6 +64,7 @@ def accepted_content(
     notes = content["provenance"]
     parameters = (b.parameter for b in m.base)
     stated = {p.name: p.start for p in parameters}
+
     for name, value in base.items():
         old = stated.get(name)
         effect, _, key = name.partition(".")
@@ -71,6 +72,7 @@ def accepted_content(
             old = known[effect].get(key)
             known[effect][key] = value
         notes.append(note_of(name, old, source, f", is {value:.9g}"))
+
     for name, values in effects.items():
         notes.append(note_of(f"effects.{name}", None, source))
         effect_of = library()[name]
@@ -79,6 +81,7 @@ def accepted_content(
             known[name] = {
                 first.name if key == "amount" else key: v for key, v in values.items()
             }
+
     file = m.file
     content["model"] = str(Path(file.model).with_name(f"{file.name}{ACCEPTED_MODEL}"))
     return content
@@ -96,6 +99,7 @@ def accepted_xml(
     # else as written
     if root.tag != "mujoco" or m.model.nu > len(root.findall("actuator/*")):
         root = ET.fromstring(m.source.spec().to_xml())  # noqa: S314
+
     _write_bodies(root, m, edited)
     _write_joints(root, m, edited)
     _write_actuators(root, m, edited)
@@ -103,6 +107,7 @@ def accepted_xml(
     _write_contacts(root, m, edited)
     for name, words in (remarks or {}).items():
         _write_remark(root, name, words)
+
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
@@ -144,9 +149,11 @@ def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
             _body(root, m, i).set("pos", _place_in_frame(m, edited, i))
         if not _changed(m, edited, i, *INERTIAL.values()):
             continue
+
         body = _body(root, m, i)
         for old in body.findall("inertial"):
             body.remove(old)
+
         numbers = {k: _text(getattr(edited, f)[i]) for k, f in INERTIAL.items()}
         body.insert(0, ET.Element("inertial", numbers))
         for compiler in root.findall("compiler"):

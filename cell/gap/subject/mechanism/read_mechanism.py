@@ -89,6 +89,7 @@ def open_file(path: Path, model: Path | None = None) -> Mechanism:
     file = load(path, MechanismFile)
     if file.cell:  # the cell's own, whose effects may belong into its file
         origin = replace(origin, option=f"--subject {quote(path.parent.name)}")
+
     folder = path.resolve().parent
     here = str(path)
     place = model_place(file, path)
@@ -97,6 +98,7 @@ def open_file(path: Path, model: Path | None = None) -> Mechanism:
         folder = model.resolve().parent
         place = model.resolve()
         file = file.model_copy(update={"effects": {}})
+
     moved = [s.name for s in file.signals.values() if s.is_ == "torque"]
     moved += [name for name, kind in inputs if kind != "position"]
     source = replace(read_source(place, folder), motors=tuple(moved))  # a URDF has none
@@ -106,13 +108,16 @@ def open_file(path: Path, model: Path | None = None) -> Mechanism:
     check_joints(compiled, there)
     mode = MODES[file.mode]
     signals = [_signal(*each, mode, compiled, here) for each in file.signals.items()]
+
     for name, is_ in inputs:
         kind = "joint" if is_ == "position" else "actuator"
         number_of(compiled, kind, name, here, f"inputs.{name}")
+
     if mode.loads:
         signals = [
             s for kind in ("torque", "tracking") for s in signals if s.kind == kind
         ]
+
     origin = replace(origin, digests={**origin.digests, **source.digests})
     return Mechanism(file, path, source, compiled, tuple(signals), origin=origin)
 
@@ -160,8 +165,10 @@ def read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
             f"{folder.path / ANGLES}: t: rows are {apart:g} s apart, at most {most:.2g}"
             " s shows this pendulum's swings; t is in s"
         )
+
     if load := recording.load:
         number_of(model, "body", load.body, f"{recording.name}: {RUN}: load", "body")
+
     return recording
 
 
@@ -218,6 +225,7 @@ def _signal(
             kind = "position"
         else:
             joint = 3 * model.nsite + model.sensor_adr[number]
+
     ends = {model.njnt - 1: "grasped", 0: "fixed"}  # of a chain
     zone = "grasped" if kind in ("site", "sensor") else ends.get(joint, "middle")
     return Signal(
@@ -265,6 +273,7 @@ def _sum_of_joints(model: Any, number: int) -> Array:
         for w in range(first, first + model.tendon_num[number]):
             if model.wrap_type[w] == mujoco.mjtWrap.mjWRAP_JOINT:
                 row[model.wrap_objid[w]] += model.wrap_prm[w]
+
     return row
 
 
@@ -283,6 +292,7 @@ def _set_options(mechanism: Mechanism) -> None:
     model.dof_solimp[(model.dof_solimp == SOFT).all(axis=1), :2] = FIRM
     if model.npair == 0:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+
     # a chain is one island, which is not worth a search at each stage of each step
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
 
@@ -301,6 +311,7 @@ def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
         s.joint: [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
         for s in mechanism.compared("torque")
     }
+
     found = []
     loads = zip(*typical_loads(model), hinges.tolist(), strict=True)
     for i, (weight, inertia, hinge) in enumerate(loads):
@@ -310,11 +321,13 @@ def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
         name = model.joint(i).name
         if name in columns:
             rate, acceleration, travel = _motion(recordings, columns[name])
+
         driven = np.sqrt(np.mean(squares.get(i, 0.0)))
         torque = driven or max(weight, inertia * acceleration, LEAST_TORQUE)
         pace = rate or np.sqrt(max(weight, LEAST_WEIGHT) / inertia)
         motor = actuator_on(model, i)
         found.append(Joint(name, hinge, motor, torque, pace, inertia, travel))
+
     return tuple(found)
 
 
@@ -345,6 +358,7 @@ def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
     weights = np.array([s.weights for s in compared]).reshape(-1, n)
     inverse = np.linalg.pinv(weights)
     near = max(LEAST, int(np.searchsorted(read, 0.5 / mechanism.pace)))
+
     positions = []
     slopes = []
     for signal in compared:
@@ -353,6 +367,7 @@ def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
         fitted = np.polynomial.Polynomial.fit(t[:begin], x[:begin], 3)
         positions.append(x[0])
         slopes.append(fitted.deriv()(0.0))
+
     rates = slopes if recording.rates is None else recording.rates
     measured = inverse @ positions
     q = measured if spec.position == "measured" else np.full(n, spec.position)

@@ -146,6 +146,7 @@ def read_recording(
         raise ConfigurationError(
             f"{path}: sigma.angle: is missing; add the noise in rad"
         )
+
     table, rates, wrapped = (
         _swing_table(folder.path / ANGLES, list(file.signals))
         if swings
@@ -186,10 +187,12 @@ def _swing_table(path: Path, links: Sequence[str]) -> Read:
         raise ConfigurationError(
             f"{path}: {after}: the pendulum has {len(links)} links only"
         )
+
     wrapped = _unwrap(angles, t, angles, path)
     found = {"t": t, **{name: angle - np.pi for name, angle in angles.items()}}
     if not all(f"omega_{name}" in table for name in links):
         return found, None, wrapped
+
     rates = np.array([column(table, f"omega_{name}", path) for name in links])
     _check_rates(np.gradient(list(angles.values()), t, axis=1), rates, path)
     return found, rates[:, 0], wrapped
@@ -219,6 +222,7 @@ def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> R
         table = _arm_columns(path)
     else:
         table = read_table(path)
+
     t = clock_of(table, path, SIGNAL_ROWS)
     for name in (*file.signals, *file.inputs):
         if name not in table:
@@ -227,6 +231,7 @@ def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> R
             raise ConfigurationError(
                 f"{path}: {name}: holds no number; leave the run out"
             )
+
     read: list[tuple[str, str | None, str | None]]
     read = [(n, kind, n) for n, kind in file.inputs.items()]
     read += [(n, s.is_, s.joint) for n, s in file.signals.items()]
@@ -245,6 +250,7 @@ def _arm_columns(path: Path) -> dict[str, Array]:
         raise ConfigurationError(
             f"{path}: is missing; folds by `cell fold --arm fci` hold it, others do not"
         )
+
     table = read_table(path)
     found = {"t": column(table, "t", path)}
     for i in range(1, 8):
@@ -255,6 +261,7 @@ def _arm_columns(path: Path) -> dict[str, Array]:
             f"tracking{i}": q - commanded,
             f"torque{i}": column(table, f"tau_J_{i}", path),
         }
+
     return found
 
 

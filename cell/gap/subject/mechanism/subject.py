@@ -196,6 +196,7 @@ class MechanismSubject(Subject):
         content = self._content(recording, cut)
         if recording.sigma:
             signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
+
         local = initial_state(mechanism, content.start) if content.start else ()
         local += tuple(source.parameter for source in self._scatter.values())
         speed, _ = average(content.speed[None], content.cut.edges)
@@ -234,10 +235,12 @@ class MechanismSubject(Subject):
         base = np.array(request.base[:count])
         for i, source in self._scatter.items():  # a fit leaves some of them out
             base[i] += unknowns.get(source.name, 0.0)
+
         start = content.start
         # then `initial_state` made the first unknowns
         if f"angle_{m.joints[0].name}" in unknowns:
             start = local[:n], local[n : 2 * n]
+
         edited = partial(_edited, m, content.load, base, known)
         moving = [(e.name, v.tobytes()) for e, v in known if e.moves(m) and v.any()]
         motion = (run.name, *moving, *(x.tobytes() for x in (base, *start)))
@@ -338,8 +341,10 @@ def _edited(
     edited = copy.copy(model)
     for b, value in zip(m.base, base, strict=True):
         b.put(edited, value)
+
     if load:
         add_point(edited, load.mass, m.model.body(load.body).id, np.array(load.com))
+
     for effect, values in effects:
         if not values.any():
             continue

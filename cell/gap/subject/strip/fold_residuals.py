@@ -81,6 +81,7 @@ def phases(run: MeasuredRun, t: Array) -> Words:
     words[speed < HOLD_SPEED * usual_speed] = "hold"
     if run.touch:
         words[t > end - FALL] = "fall"
+
     words[t < lifted] = "lift"
     return words
 

@@ -131,6 +131,7 @@ def common_errors(samples: Samples, past: NDArray[np.bool_]) -> dict[str, Array]
     one_group = np.full(len(halves), "")
     zones = [f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)]
     groups_of = {"profile": np.array(zones), "contact_x": halves}
+
     for quantity in ("profile", "contact_x", "touch_time", "touch_x", "displacement"):
         measured = quantities == quantity
         size = getattr(sizes, quantity)
@@ -138,4 +139,5 @@ def common_errors(samples: Samples, past: NDArray[np.bool_]) -> dict[str, Array]
         for group in dict.fromkeys(map(str, groups[measured])):
             members = measured & (groups == group)
             errors[f"{quantity} {group}".strip()] = frozen(np.where(members, size, 0.0))
+
     return errors

@@ -83,19 +83,23 @@ def _signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
     base = chord(curve, max(q - 1, 0))
     # straight at both ends
     bend = curvature(chord(curve, q - 2), base) if q > 1 else 0.0
+
     for segment in range(max(q - 1, 0), min(q + 1, last)):
         ahead = base
         bend_ahead = 0.0
         if segment + 1 < last:
             ahead = chord(curve, segment + 1)
             bend_ahead = curvature(base, ahead)
+
         mean = 0.5 * (bend + bend_ahead)
         distance, signed = _distances_to_segment(curve, segment, base, mean, x, z)
         if distance < best:
             best = distance
             nearest = signed
+
         base = ahead
         bend = bend_ahead
+
     return nearest
 
 
@@ -209,6 +213,7 @@ def group_means(values: Any, edges: Any, sigma: float, mean: Any, square: Any) -
         group = values[edges[g] : edges[g + 1]]
         middle = np.median(group)
         spread = max(sigma, MAD * np.median(np.abs(group - middle)))
+
         total, power = 0.0, 0.0
         for value in group:
             clipped = min(
@@ -216,5 +221,6 @@ def group_means(values: Any, edges: Any, sigma: float, mean: Any, square: Any) -
             )
             total += clipped
             power += clipped * clipped
+
         mean[g] = total / len(group)
         square[g] = power / len(group)

@@ -142,6 +142,7 @@ def prepare_runs(
     nominal = [*map(PreparedFold.job, folds, stated)]
     local = tuple(e.parameter for e in scatter)
     linearised = linearise_folds(folds, nominal, simulate, scatter)
+
     prepared = []
     for fold, about in zip(folds, linearised, strict=True):
         run = fold.run
@@ -151,6 +152,7 @@ def prepare_runs(
             run.name, run.condition, fold.samples, *content, replicate=repeats
         )
         prepared.append(relinearise(bare, about))
+
     return prepared
 
 
@@ -174,6 +176,7 @@ def linearise_folds(
     nominal = [*islice(found, len(pairs))]
     grid_errors = _grid_errors(folds, jobs, nominal, simulate)
     step_errors = _grid_errors(folds, jobs, nominal, simulate, (MEDIUM,))
+
     linearisations = []
     rows = zip(pairs, nominal, grid_errors, step_errors, strict=True)
     for (fold, job), stated, *errors in rows:
@@ -186,6 +189,7 @@ def linearise_folds(
         }
         length = job.model.mechanics.length
         linearisations.append(Linearisation(frozen(grid_error), doubt, slopes, length))
+
     return linearisations
 
 
@@ -321,6 +325,7 @@ def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
     pushes_strip = -along > STEEP * up
     if path.hanging or lying.all() or not pushes_strip:
         return path
+
     x = poses[:, 0]
     start = x[0]
     left = x[~lying][0]

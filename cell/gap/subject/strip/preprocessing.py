@@ -97,14 +97,17 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Mid
     places: list[Array] = []
     row = 0
     last_stamp = -np.inf
+
     for stamp, curve in profile.curves():
         gripper = grip[row]
         row += len(curve)
         if stamp < last_stamp + IMAGE_INTERVAL:
             continue
+
         inliers = curve[_inlier_mask(curve, sigma)]
         if len(inliers) < FEWEST_POINTS:
             continue
+
         to_gripper = np.hypot(*np.diff(inliers.T, append=gripper[:, None]))
         s = length - np.cumsum(to_gripper[::-1])[::-1]
         last = len(inliers) - 1
@@ -113,6 +116,7 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Mid
         places.append(s[chosen])
         stamps.append(stamp)
         last_stamp = stamp
+
     return Midlines.of(stamps, points, places)
 
 

@@ -69,6 +69,7 @@ def _check_motion(origin: Path, run: Run) -> None:
     ticks = run.ticks
     if len(ticks.t) < 2:
         return
+
     span = np.maximum(np.diff(ticks.t), SHORTEST_INTERVAL)
     noise = JUMP_SIGMAS * run.header.sigma.gripper
     for names, fastest, apart, unit in (
@@ -195,6 +196,7 @@ def _read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measu
     except ConfigurationError as error:
         _check_kind(folder)
         raise ConfigurationError(str(error).splitlines()[0]) from None
+
     header = recorded.header
     result = recorded.result
     if result is None and is_under_way(folder):
@@ -209,6 +211,7 @@ def _read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measu
             f"{folder / RESULT}: outcome: is {result.outcome!r}; allowed:"
             " layer_touch, path_done, or the name of a fault as `cell fold` writes it"
         )
+
     _check_noise(folder / RUN, recorded)
     _check_motion(folder / TICKS, recorded)
     touch = _touch(folder, recorded)
@@ -220,6 +223,7 @@ def _read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measu
         raise ConfigurationError(
             f"{folder / TICKS}: t: has {n} rows; at least {LEAST} are needed"
         )
+
     return header, _short_run(name, header, f"has {n} rows only and is left out")
 
 
@@ -310,6 +314,7 @@ def _until_touch(run: MeasuredRun, length: float) -> MeasuredRun:
     _, first = np.unique(image, return_index=True)
     if run.touch is not None or len(first) <= PERSISTS:
         return run
+
     begins = s[first]
     later = np.median(sliding_window_view(begins[1:], PERSISTS), axis=1)
     count = len(later)
@@ -318,6 +323,7 @@ def _until_touch(run: MeasuredRun, length: float) -> MeasuredRun:
     jumps = (moved > JUMPED * length) & past
     if not jumps.any():
         return run
+
     k = int(np.argmax(jumps))
     end = float(stamps[k])
     note = (
@@ -364,9 +370,11 @@ def _notes(
     result = run.result
     check_clock(run.ticks.contact_t, t, f"{folder / TICKS}: contact_t")
     check_clock(run.profile.t, t, f"{folder / PROFILE}: t")
+
     for file, what, off, limits in contradictions(run, touch, strip):
         if not np.size(off):
             continue
+
         usual = min(limits)
         most = max(limits)
         median = float(np.median(off))
@@ -376,11 +384,13 @@ def _notes(
                 f"{folder / file}: {seen} {most:g} is believable; give m, rad and s, x"
                 " along the strip from its fixed edge"
             )
+
         if median > usual:
             yield (
                 f"{name}: {seen} {usual:g} is usual; are columns swapped, or `start`,"
                 " `offset` or `late` of the mapping wrong?"
             )
+
     if result is None:
         yield f"{name}: died after {t[-1]:.1f} s and is used as far as it goes"
     elif result.outcome not in TOUCHED | {"path_done"}:
@@ -392,11 +402,13 @@ def _touch(folder: Path, run: Run) -> Touch | None:
     result = run.result
     if result is None or result.outcome not in TOUCHED:
         return None
+
     time = result.t_layer_touch
     l1 = result.l1
     l2 = result.l2
     if time is None or l1 is None or l2 is None or result.displacement is None:
         return None
+
     check_clock(
         frozen([time]), run.ticks.t, f"{folder / RESULT}: t_layer_touch", before=0.0
     )

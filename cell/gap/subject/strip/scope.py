@@ -108,6 +108,7 @@ def _base(strip: StripFile, *, has_force: bool) -> list[Parameter]:
     }
     if has_force:
         numbers["areal_density", "kg/m^2"] = m, m / 3, 3 * m, 0.02 * m, WEIGHED * m
+
     tolerated = {"bending_length": near, **strip.spread}
     return [
         Parameter(name, unit, *each, tolerated=tolerated.get(name))

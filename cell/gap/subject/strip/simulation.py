@@ -157,11 +157,13 @@ class Simulation:
             for i in range(0, len(kind), size)
         ]
         work = [[jobs[k] for k in batch] for batch in batches]
+
         motions: dict[bytes, SimulatedMotion | None] = {}
         with ThreadPoolExecutor(self._threads) as pool:
             results = pool.map(self._simulate_batch, work)
             for batch, simulated in zip(batches, results, strict=True):
                 motions.update(zip(batch, simulated, strict=True))
+
         return motions
 
     def _simulate_batch(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:

@@ -89,12 +89,14 @@ def patch_file(
     )
     notes = content.pop("provenance", [])
     strip_effects = content.get("effects", {})
+
     for name, value in base.items():
         effect, _, key = name.rpartition(".")
         stated = strip_effects[effect] if effect else content
         path = f"effects.{name}" if effect else name
         notes.append(note_of(path, stated.get(key), source))
         stated[key] = _round_off(value)
+
     of_cell: dict[str, object] = {}
     law = content.pop("law", {})
     for name, values in effects.items():
@@ -109,6 +111,7 @@ def patch_file(
         else:
             notes.append(note_of(f"effects.{name}", None, source))
             strip_effects[name] = rounded
+
     content |= {
         "effects": strip_effects,
         **({"law": law} if law else {}),
@@ -224,6 +227,7 @@ class StripSubject(Subject):
         first: dict[bytes, int] = {}
         for i, key in enumerate(jobs):
             first.setdefault(key.motion, i)
+
         keys = iter(
             sorted(jobs, key=lambda k: (jobs[k].path.duration, first[k.motion]))
         )
@@ -237,6 +241,7 @@ class StripSubject(Subject):
                     motions,
                 )
                 compared.update(zip(portion, residuals, strict=True))
+
         return compared
 
     def draw_measured(self, run: FitRun) -> Scene:

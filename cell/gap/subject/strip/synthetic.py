@@ -225,6 +225,7 @@ def write_fold(
     end = fold.path.t[-1]
     if touch:
         end = min(touch.time + TIME_AFTER_TOUCH, end)
+
     stamps = _stamps(end, lost, rng)
     points = [_curve(fold, stamp, noise.profile, wild, rng) for stamp in stamps]
     write_document(folder / RUN, _header(strip, fold, noise))

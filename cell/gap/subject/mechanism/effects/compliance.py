@@ -82,6 +82,7 @@ def _sway_path(
     torque = np.zeros_like(q)
     if not any(compliances):
         return torque
+
     momenta, weights, slopes = _momenta(mechanism.model, q.tobytes())
     force = (
         make_interp_spline(t, np.einsum("mkn,mn->mk", momenta, v), k=5)(t, nu=1)
@@ -89,6 +90,7 @@ def _sway_path(
     )
     law = ([1.0], [frequency**-2, 2.0 * damping / frequency, 1.0])
     by, of, _ = cont2discrete(law, t[1] - t[0], "foh")
+
     # at the start it follows weights, and rests otherwise
     for k in np.flatnonzero(compliances):
         along = force[:, k]
@@ -97,6 +99,7 @@ def _sway_path(
         place = compliances[k] * (lfilter(by[0], of, ramp - along) - ramp)
         faster = make_interp_spline(t, place, k=5)(t, nu=2)
         torque -= faster[:, None] * momenta[:, k] - place[:, None] * slope
+
     return torque
 
 
@@ -111,11 +114,13 @@ def _momenta(model: Any, motion: bytes) -> tuple[Array, Array, Array]:
     arms = np.zeros((len(q), 3))
     linear, angular = np.zeros((2, len(q), 3, model.nv))
     along = poses(model, q, mujoco.mj_kinematics)
+
     for data, *found, arm in zip(along, linear, angular, arms, strict=True):
         mujoco.mj_comPos(model, data)
         mujoco.mj_jacSubtreeCom(model, data, found[0], 0)
         mujoco.mj_angmomMat(model, data, found[1], 0)
         arm[:] = data.subtree_com[0] - foot
+
     angular += mass * np.cross(arms[:, :, None], linear, axis=1)
     momenta = np.concatenate([mass * linear, angular], axis=1)
     pull = mass * model.opt.gravity
