@@ -125,9 +125,17 @@ def fit_lens(
             flags=fixed,
         )
     )
-    lens = Lens(size[0], size[1], frozen(matrix), frozen(np.ravel(distortion)[:5]))
+    lens = Lens(
+        width=size[0],
+        height=size[1],
+        matrix=frozen(matrix),
+        distortion=frozen(np.ravel(distortion)[:5]),
+    )
     return LensFit(
-        lens, float(rms), frozen(np.ravel(per_view)), float(np.ravel(deviations)[0])
+        lens=lens,
+        rms=float(rms),
+        per_view=frozen(np.ravel(per_view)),
+        focal_deviation=float(np.ravel(deviations)[0]),
     )
 
 
@@ -258,7 +266,10 @@ class CameraFile(Settings):
             (1, 5), f"{origin}: distortion_coefficients"
         )
         lens = Lens(
-            self.image_width, self.image_height, matrix, frozen(distortion.ravel())
+            width=self.image_width,
+            height=self.image_height,
+            matrix=matrix,
+            distortion=frozen(distortion.ravel()),
         )
         return _checked_lens(lens, origin)
 
@@ -298,7 +309,12 @@ class OpenCvFile(Settings):
                 " allowed are 4 or 5 (plumb bob); calibrate with this model"
             )
         coefficients = frozen([*distortion, 0.0][:5])
-        lens = Lens(self.image_width, self.image_height, matrix, coefficients)
+        lens = Lens(
+            width=self.image_width,
+            height=self.image_height,
+            matrix=matrix,
+            distortion=coefficients,
+        )
         return _checked_lens(lens, origin)
 
 

@@ -225,16 +225,37 @@ def gates(
     tilts = np.array([p.tilt for p in placed])
     turns = np.array([p.turn for p in placed])
     return (
-        Gate("x", x, needs.range_x, "show it far left and far right"),
-        Gate("y", y, needs.range_y, "show it high and low"),
-        Gate("size", size, needs.range_size, "show it nearer and farther"),
-        Gate("skew", skew, needs.skew, "lean a corner away"),
+        Gate(
+            name="x",
+            have=x,
+            need=needs.range_x,
+            advice="show it far left and far right",
+        ),
+        Gate(name="y", have=y, need=needs.range_y, advice="show it high and low"),
+        Gate(
+            name="size",
+            have=size,
+            need=needs.range_size,
+            advice="show it nearer and farther",
+        ),
+        Gate(name="skew", have=skew, need=needs.skew, advice="lean a corner away"),
         _lean_gate("its top away", tilts, needs),
         _lean_gate("its top nearer", -tilts, needs),
         _lean_gate("its right edge away", turns, needs),
         _lean_gate("its right edge nearer", -turns, needs),
-        Gate("image", covered, needs.covered, "bring corners to the image's edges"),
-        Gate("views", len(views), needs.views, "show more", unit="views"),
+        Gate(
+            name="image",
+            have=covered,
+            need=needs.covered,
+            advice="bring corners to the image's edges",
+        ),
+        Gate(
+            name="views",
+            have=len(views),
+            need=needs.views,
+            advice="show more",
+            unit="views",
+        ),
     )
 
 
@@ -242,7 +263,9 @@ def _lean_gate(name: str, angles: Array, needs: BoardSettings) -> Gate:
     """Requirement that enough of the `angles` (n,) [rad] lie beyond the threshold."""
     count = int((angles > needs.tilted).sum())
     advice = f"lean {name} by {degrees(needs.tilted):.0f} deg or more"
-    return Gate(name, count, needs.tilted_views, advice, unit="views")
+    return Gate(
+        name=name, have=count, need=needs.tilted_views, advice=advice, unit="views"
+    )
 
 
 def _cell_share(views: Sequence[BoardView], lens: Lens) -> float:

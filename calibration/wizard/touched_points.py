@@ -208,7 +208,9 @@ class TouchedPoints:
             if replaced or point.number in verdict.rejected:
                 kind = MarkKind.WILD
                 error = None
-            marks.append(Mark(point.pixel, kind, str(point.number), error))
+            marks.append(
+                Mark(pixel=point.pixel, kind=kind, label=str(point.number), error=error)
+            )
         return tuple(marks)
 
     def deviation(self, verdict: TouchVerdict, pixels: Array) -> Array:

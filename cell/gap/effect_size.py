@@ -161,7 +161,9 @@ class GapModel:
                 name: _engine_values(name, stated) for name, stated in effects.items()
             }
             requests += [
-                SimulationRequest(run, estimate.shared, values, local)
+                SimulationRequest(
+                    run=run, base=estimate.shared, effects=values, local=local
+                )
                 for run, local in runs
             ]
 

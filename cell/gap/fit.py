@@ -170,7 +170,9 @@ def _write_patches(
         terms = {name: {"amount": value} for name, value in law.terms.items()}
         offered["accept_law"] = law.base, terms
     return {
-        kind: _write_patch(findings.subject, kind, offered[kind], results, name)
+        kind: _write_patch(
+            findings.subject, kind, values=offered[kind], results=results, name=name
+        )
         for kind in (step.kind for step in verdict.steps)
         if kind in offered
     }

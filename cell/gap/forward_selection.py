@@ -117,7 +117,16 @@ def _better_base(
     for fit in (m.estimate for m in leading):
         values, _ = fit.values
         start = Point(values, fit.local)
-        tasks.append(refit(model, runs, start, None, ROUGH_GAIN, BUDGET.short_steps))
+        tasks.append(
+            refit(
+                model,
+                runs,
+                start,
+                jacobians=None,
+                enough=ROUGH_GAIN,
+                steps=BUDGET.short_steps,
+            )
+        )
 
     started = best([base, *run_all(simulate, tasks)])
     if started is base:
@@ -153,7 +162,9 @@ def refit_on_base(
         if fit.effects and within_reach(n, max(nats)):
             _, start = with_unknowns(fit, with_spreads(complete, spreads))
             secants = _secants(fit, runs)
-            tasks.append(refit(fit.model, runs, start, secants, ROUGH_GAIN))
+            tasks.append(
+                refit(fit.model, runs, start, jacobians=secants, enough=ROUGH_GAIN)
+            )
 
     estimates = run_all(search.simulate, tasks)
     refitted = run_all(search.simulate, [*map(validate, estimates)])

@@ -79,7 +79,11 @@ def investigate(
         for held in (False, True)
     )
     stages = Investigation(
-        subject, simulate, progress, fitted, np.random.default_rng(seed)
+        subject=subject,
+        simulate=simulate,
+        progress=progress,
+        fitted=fitted,
+        rng=np.random.default_rng(seed),
     )
     models = stages.extend(stages.begin(), refit_singles, 0.4)
     models = stages.extend(models, refit_further, 0.75)
@@ -147,7 +151,9 @@ class Investigation:
         self.progress("refit the base beside the best", fraction)
         base_fit = self._judge_base(revised)
         screen = self._score_candidates(base_fit, probed)
-        fits = refit_on_base(search, fits, base_fit.base, base_fit.scatter, self.fitted)
+        fits = refit_on_base(
+            search, fits, base_fit.base, spreads=base_fit.scatter, complete=self.fitted
+        )
         return Models(base_fit, screen, replace(fits, library=screen.library))
 
     def _judge_base(self, start: BaseStart) -> BaseFit:
@@ -158,7 +164,9 @@ class Investigation:
         and priors.
         """
         model = Model(self.scope.base)
-        base = refit_fine(self.subject, self.simulate, model, start.runs, start.point)
+        base = refit_fine(
+            self.subject, self.simulate, model, coarse=start.runs, start=start.point
+        )
         test = ResidualTest.of(base, self.rng)
         return BaseFit(
             base=run_one(self.simulate, validate(base)),
@@ -238,7 +246,9 @@ class Investigation:
         if not rough.effects:
             return rough, fits
         fit = rough.estimate
-        fine = refit_fine(self.subject, self.simulate, fit.model, fit.runs, fit.point)
+        fine = refit_fine(
+            self.subject, self.simulate, fit.model, coarse=fit.runs, start=fit.point
+        )
         refined = run_one(self.simulate, validate(fine))
         models = [refined if m is rough else m for m in fits.models]
         return refined, replace(fits, models=models)

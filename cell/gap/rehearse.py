@@ -186,7 +186,13 @@ def write_copy(plan: Plan, hidden: HiddenCopy, folder: Path) -> None:
         noise = run.sigma
         if not run.has_force:
             noise = noise.model_copy(update={"force": None})
-        write_fold(folder / f"{number:02d}", strip.name, copy, noise, rng)
+        write_fold(
+            folder=folder / f"{number:02d}",
+            strip=strip.name,
+            fold=copy,
+            noise=noise,
+            rng=rng,
+        )
 
 
 def _with_scatter(
@@ -209,7 +215,13 @@ def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Rec
         f"{plan.model_dump_json()}{verdicts()}".encode()
     ).hexdigest()[:16]
     parts = [
-        Part(hidden.key, version, COPY_COST, _diagnose_copy, (plan, hidden))
+        Part(
+            key=hidden.key,
+            of=version,
+            cost=COPY_COST,
+            function=_diagnose_copy,
+            arguments=(plan, hidden),
+        )
         for hidden in plan.copies
     ]
     return list(carry_out(parts, folder / JOURNAL, engine, meter))

@@ -85,11 +85,11 @@ def fold(
     check_known("frames", frames or "key", get_args(Keep))
     record = RecordingOptions(frames, truth=truth)
     asked = Request(
-        cell,
-        lying,
-        policy,
-        Path(runs),
-        Trial(seed=seed),
+        cell=cell,
+        strip=lying,
+        policy=policy,
+        runs=Path(runs),
+        trial=Trial(seed=seed),
         speed=speed,
         record=record,
         learning=Learning(specimen, use=learning),
@@ -114,7 +114,9 @@ def predict(
     cell = config.cell()
     lying = config.strip(strip)
     line = line_at("at", () if at is None else (at,), lying.length)
-    asked = Request(cell, lying, policy, Path("runs"), speed=speed, at=line)
+    asked = Request(
+        cell=cell, strip=lying, policy=policy, runs=Path("runs"), speed=speed, at=line
+    )
     (request,) = _prepared(asked)
     return assess(request, calibration_of(request.cell)).prediction
 

@@ -134,10 +134,10 @@ def replay(runs: Sequence[Path], file: Path, model: Path) -> ReplayedGap:
     stated = open_mechanism(file, folders)
     plain = open_mechanism(file, folders, model=model)
     return ReplayedGap(
-        _gap(stated),
-        _gap(plain),
-        floor(plain.runs, plain.scope.quantities),
-        _not_said(read_text(model, LARGEST_MODEL)),
+        before=_gap(stated),
+        after=_gap(plain),
+        floor=floor(plain.runs, plain.scope.quantities),
+        not_said=_not_said(read_text(model, LARGEST_MODEL)),
     )
 
 

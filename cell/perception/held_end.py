@@ -81,7 +81,10 @@ class Face:
         front = middle + np.quantile((points - middle) @ axis, FRONT) * axis
         slenderness = np.sqrt(variances[1] / max(variances[0], 1e-12))
         return cls(
-            float(len(points)), front, float(np.arctan2(axis[1], axis[0])), slenderness
+            area=float(len(points)),
+            front=front,
+            axis=float(np.arctan2(axis[1], axis[0])),
+            slenderness=slenderness,
         )
 
 
@@ -253,7 +256,11 @@ class HeldEnd:
         distances = np.arange(-AROUND[0], AROUND[1], FINE)
         line, _ = _extrapolate(profile, distances)
         end = find_end(
-            frame.image, self._calibration, self._strip.thickness, line.T, clip.colour
+            frame.image,
+            self._calibration,
+            self._strip.thickness,
+            line=line.T,
+            clip=clip.colour,
         )
         return interpolate_columns(end, distances + AROUND[0], line.T)
 

@@ -114,7 +114,12 @@ class Measurer:
         clear = without_hand(Region.whole(frame.image), calibration, gripper)
         moved = self._still.motion(frame.image, clear, SEARCH_RADIUS)
         shift = nan if moved is None else moved.largest_in_plane(calibration)
-        return ImageResult(measurement, touch, shift, self._touch.resting())
+        return ImageResult(
+            measurement=measurement,
+            touch=touch,
+            shift=shift,
+            resting=self._touch.resting(),
+        )
 
 
 Maker = Callable[[StripInputs], Measurer]

@@ -121,10 +121,10 @@ class LayerTouch:
 
         x, displacement = self._position_at(time, t)
         touch = SeenTouch(
-            time,
-            x,
-            x + displacement,
-            x,
+            time=time,
+            x=x,
+            to_grasped=x + displacement,
+            to_fixed=x,
             goal=self._goal,
             confidence=exp(-apart),
             distance=distance,
@@ -175,7 +175,12 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
     before = after - 1
     share = (points[before, 0] - gap_x) / (points[before, 0] - points[after, 0])
     to_grasped = remaining[before] + share * (remaining[after] - remaining[before])
-    return Fall(measurement.stamp, measurement.gap, gap_x, float(to_grasped))
+    return Fall(
+        time=measurement.stamp,
+        gap=measurement.gap,
+        x=gap_x,
+        to_grasped=float(to_grasped),
+    )
 
 
 def _closing_time(

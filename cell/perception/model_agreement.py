@@ -47,7 +47,12 @@ class MeasuredFold(NamedTuple):
         """
         usable = (stamp < touch - TOUCH_MARGIN) & np.isfinite(profile).all(axis=(1, 2))
         before = t <= touch
-        return cls(t[before], poses[before], stamp[usable], profile[usable])
+        return cls(
+            t=t[before],
+            poses=poses[before],
+            stamp=stamp[usable],
+            profile=profile[usable],
+        )
 
     def bin_curves(self, curves: Array) -> Array:
         """Robust mean (BINS, POINTS, 2) of `curves` (k, POINTS, 2) in each time bin;

@@ -274,7 +274,11 @@ class Perception:
         zone = matte.region.crop(self._zone)
         above_shadow = matte.region.crop(self._above_shadow)
         return silhouette(
-            matte.smooth, self._faint, zone, above_shadow, self._sizes.hanging
+            levels=matte.smooth,
+            faint=self._faint,
+            strip=zone,
+            lifted=above_shadow,
+            length=self._sizes.hanging,
         )
 
     def _curve(
@@ -352,7 +356,12 @@ class Perception:
         start, point, behind = self._calibration.to_image(plane) - region.origin
         direction = (behind - point) / np.hypot(*(behind - point))
         clearance = GRIPPER_CLEARANCE / self._sizes.scale
-        return start, FingerZone(point, direction, clearance, self._sizes.aside)
+        return start, FingerZone(
+            point=point,
+            approach=direction,
+            clearance=clearance,
+            aside=self._sizes.aside,
+        )
 
     def _outer_edge(self, gripper: Pose, tangent: Array) -> Array:
         """Point (2,) [m] at the gripper on the strip edge, near or far, that bounds its

@@ -184,7 +184,13 @@ class OuterSide:
         out /= sizes[:, None]
         lever = ((points - geometry.calibration.viewpoint.foot()) * out).sum(axis=1)
         swept = np.abs(lever) * geometry.sweep
-        return cls(points, out, lever, swept, float(np.median(sizes)))
+        return cls(
+            points=points,
+            out=out,
+            lever=lever,
+            swept=swept,
+            scale=float(np.median(sizes)),
+        )
 
 
 class SeenMidline(NamedTuple):

@@ -90,7 +90,7 @@ class Region:
     @classmethod
     def whole(cls, image: Image) -> Self:
         """Region that covers all of `image` (height, width, ...)."""
-        return cls(0, 0, image.shape[1], image.shape[0])
+        return cls(left=0, top=0, right=image.shape[1], bottom=image.shape[0])
 
     @property
     def origin(self) -> Array:
@@ -130,7 +130,7 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Regi
     end = np.minimum(np.ceil(last / CELL_PX) * CELL_PX, size)
     left, top_row = first.astype(int).tolist()
     right, bottom = end.astype(int).tolist()
-    return Region(left, top_row, right, bottom)
+    return Region(left=left, top=top_row, right=right, bottom=bottom)
 
 
 def motion_mask(calibration: Calibration, length: float) -> Image:

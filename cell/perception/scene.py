@@ -262,10 +262,10 @@ class Segmenter:
         column, row, columns, rows = cv2.boundingRect(cells)
         left, top = CELL_PX * column, CELL_PX * row  # px in the region
         part = Region(
-            region.left + left,
-            region.top + top,
-            min(region.left + left + CELL_PX * columns, region.right),
-            min(region.top + top + CELL_PX * rows, region.bottom),
+            left=region.left + left,
+            top=region.top + top,
+            right=min(region.left + left + CELL_PX * columns, region.right),
+            bottom=min(region.top + top + CELL_PX * rows, region.bottom),
         )
         part_light = light[row : row + rows + 2, column : column + columns + 2]
         part_cells = cells[row : row + rows, column : column + columns]
@@ -344,7 +344,13 @@ def learn_segmenter(
     colours = _palette(inner_pixels(image, calibration, strip, resting.rise))
     scene = background.image[motion_mask(calibration, strip.length) > 0]
     noise_of_share = _share_noise(colours, scene, smooth) * sensor
-    return Segmenter(colours, background, sensor, smooth, noise_of_share)
+    return Segmenter(
+        colours=colours,
+        background=background,
+        sensor=sensor,
+        smooth=smooth,
+        noise=noise_of_share,
+    )
 
 
 def resting_place(
@@ -355,7 +361,12 @@ def resting_place(
     """
     half = strip.thickness / 2
     top = half + face_height(calibration, strip)
-    return RestingPlace(strip.length, rise, rise - half - margin, rise + top + margin)
+    return RestingPlace(
+        length=strip.length,
+        rise=rise,
+        low=rise - half - margin,
+        high=rise + top + margin,
+    )
 
 
 def sensor_noise(image: Image) -> float:

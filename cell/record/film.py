@@ -74,7 +74,13 @@ class Film:
                 if only is not None and number not in only:
                     continue
                 image = _upright(picture, path)
-                yield Frame(stamp - begin, stamp - begin, path.name, number, image)
+                yield Frame(
+                    stamp=stamp - begin,
+                    arrival=stamp - begin,
+                    source=path.name,
+                    sequence=number,
+                    image=image,
+                )
 
     def packets(self) -> Iterator[bytes]:
         """Yield encoded images of an H.264 film, Annex B; ConfigurationError for

@@ -185,7 +185,17 @@ class Run:
         curves = dict(self.profile.curves())
         if sights.stamp.size == 0:
             return [
-                StripMeasurement(stamp, 0, nan, 0.0, points, 1.0, (nan, nan), nan, nan)
+                StripMeasurement(
+                    stamp=stamp,
+                    sequence=0,
+                    contact_x=nan,
+                    contact_confidence=0.0,
+                    profile=points,
+                    profile_confidence=1.0,
+                    tip=(nan, nan),
+                    gap=nan,
+                    gap_x=nan,
+                )
                 for stamp, points in curves.items()
             ]
         columns = {name: getattr(sights, name).tolist() for name in Sights.__slots__}

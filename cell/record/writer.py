@@ -69,7 +69,9 @@ class RunWriter:
             write_document(self.folder / RUN, self._header)
             with ExitStack() as opened:
                 self._open_streams(opened)
-                self._frames = FrameWriter(self.folder, frames, patient, film)
+                self._frames = FrameWriter(
+                    folder=self.folder, keep=frames, patient=patient, encoder=film
+                )
                 opened.pop_all()
         except OSError as error:
             raise ConfigurationError(

@@ -143,7 +143,12 @@ def _compare(
         if view is None:
             where = None if calibration is None else still_surroundings(calibration)
             view = PinnedView.choose(pinned, where)
-        yield ViewCheck(pinned, frame, view.motion(frame.image), calibration)
+        yield ViewCheck(
+            pinned=pinned,
+            frame=frame,
+            motion=view.motion(frame.image),
+            calibration=calibration,
+        )
 
 
 def _draw_motion(picture: Image, motion: ImageMotion) -> None:

@@ -102,7 +102,9 @@ class Wizard:
             keep = self._open_session(
                 "camera", folder, views, size, length=length, boards=boards
             )
-            show_board(views, source, self.operator, keep, self.interrupted)
+            show_board(
+                views, source, self.operator, watch=keep, interrupted=self.interrupted
+            )
         return solve_lens(folder, (), folder)
 
     def calibrate_homography(
@@ -162,14 +164,23 @@ class Wizard:
 
         Landmarks are taken afterwards if it `remembers`; `watch` is told the progress.
         """
-        controller, aids = self.settings.controller, self.devices.aids
         given = CalibrationInputs(
-            controller, points, self.operator, watch, aids, remembers=remembers
+            settings=self.settings.controller,
+            points=points,
+            operator=self.operator,
+            watch=watch,
+            aids=self.devices.aids,
+            remembers=remembers,
         )
         self.devices.connect()
-        log, phases = CalibrationLog(), CALIBRATION_PHASES
+        log = CalibrationLog()
         run = ControlLoop(
-            self.devices, given, log, phases, Recorder(), interrupted=self.interrupted
+            devices=self.devices,
+            inputs=given,
+            log=log,
+            phases=CALIBRATION_PHASES,
+            recorder=Recorder(),
+            interrupted=self.interrupted,
         )
         outcome = run.execute()
         if outcome.exit_code == Interrupted.exit_code:
@@ -255,7 +266,13 @@ def solve_homography(
     if out is not None:
         touches = verdict.touches
         deviation = partial(points.deviation, touches)
-        _keep(out, verdict, image, points.marks(touches), deviation)
+        _keep(
+            folder=out,
+            verdict=verdict,
+            image=image,
+            marks=points.marks(touches),
+            deviation=deviation,
+        )
         if verdict.calibration is not None:
             save_calibration(verdict.calibration, out / CALIBRATION_FILE)
     return verdict

@@ -353,7 +353,11 @@ def wizard_at_terminal(
                     Keys(sys.stdin), panel.ask, waits=on_twin, interrupted=interrupted
                 )
             yield Wizard(
-                settings, devices, operator, partial(_tell, observers), interrupted
+                settings=settings,
+                devices=devices,
+                operator=operator,
+                watch=partial(_tell, observers),
+                interrupted=interrupted,
             )
     except (Interrupted, KeyboardInterrupt):
         if session is None:

@@ -40,7 +40,13 @@ class Touch:
         along = arc_lengths(midline)
         at_rest = float(arc[-1]) - s
         extension = float(along[-1] - np.interp(s, arc, along)) - at_rest
-        return cls(time, x, at_rest, x - float(midline[0, 0]), extension)
+        return cls(
+            time=time,
+            x=x,
+            to_grasped=at_rest,
+            to_fixed=x - float(midline[0, 0]),
+            extension=extension,
+        )
 
     @property
     def displacement(self) -> float:

@@ -45,14 +45,16 @@ def _term(
     if isinstance(apply, str):
         apply = partial(_add, apply)
     low = -most if least is None else least
-    amount = Parameter("amount", unit, 0.0, low, most, spread=most)
+    amount = Parameter(
+        name="amount", unit=unit, start=0.0, low=low, high=most, spread=most
+    )
     sizes = tuple(size * (most / size) ** TRIED)
     return Effect(
-        name,
-        sentence,
-        "strip",
-        Stage.OBSERVATION,
-        (amount,),
+        name=name,
+        sentence=sentence,
+        of="strip",
+        stage=Stage.OBSERVATION,
+        parameters=(amount,),
         revealed_by="",
         apply=lambda model, values: apply(model, values["amount"]),
         typical=lambda _: sizes,

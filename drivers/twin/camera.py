@@ -115,7 +115,13 @@ class TwinCamera:
         stamp = self._stamp(sequence)
         image = self._renderer.render(self._exposure(stamp - self._latency), sequence)
         image.setflags(write=False)
-        return Frame(stamp, self._arrival(sequence), SOURCE, sequence, image)
+        return Frame(
+            stamp=stamp,
+            arrival=self._arrival(sequence),
+            source=SOURCE,
+            sequence=sequence,
+            image=image,
+        )
 
     def _exposure(self, middle: float) -> list[WorldState]:
         """Scenes at the middles of equal parts of the exposure around `middle` [s],

@@ -77,7 +77,13 @@ class TwinClock:
         nanosecond.
         """
         return self._push(
-            TimedCall(action, rank, next(self._numbers), self.now(), period)
+            TimedCall(
+                action=action,
+                rank=rank,
+                number=next(self._numbers),
+                start=self.now(),
+                period=period,
+            )
         )
 
     def at(self, time: float, action: Action, rank: Rank) -> TimedCall:
@@ -85,7 +91,13 @@ class TwinClock:
         past.
         """
         return self._push(
-            TimedCall(action, rank, next(self._numbers), max(time, self.now()), None)
+            TimedCall(
+                action=action,
+                rank=rank,
+                number=next(self._numbers),
+                start=max(time, self.now()),
+                period=None,
+            )
         )
 
     def wait_until(self, time: float) -> None:

@@ -83,7 +83,13 @@ def open_twin(
     desk = open_desk(TwinClock(), settings, plant, seed, index, installation, staging)
     (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
     rng = np.random.default_rng(arm_seed)
-    arm = TwinArm(desk.world, desk.clock, settings.arm, installation, rng)
+    arm = TwinArm(
+        world=desk.world,
+        clock=desk.clock,
+        settings=settings.arm,
+        installation=installation,
+        rng=rng,
+    )
     hand = TwinHand(desk.world, desk.clock, settings.hand)
     return Twin(desk.clock, desk.world, desk.camera, desk.model, desk.home, arm, hand)
 
@@ -103,17 +109,33 @@ def open_desk(
     model = describe(plant, index=index)
     home = Pose(model.stated_length, installation.home_height, 0.0)
     plant_engine = staging.engine(settings.world.links)
-    world = World(model, plant_engine, settings.world, home, settings.hand.opening)
+    world = World(
+        model=model,
+        plant=plant_engine,
+        settings=settings.world,
+        start=home,
+        opening=settings.hand.opening,
+    )
     look = LOOKS[settings.look]
     fabric = StripLook.from_file(plant, look.pattern)
     observation = model.observation
     optics = displaced_optics(settings.camera, observation, model.rig.desk_height)
     renderer = Renderer(
-        settings.camera, fabric, seed, optics, observation.contact_bias, look
+        settings=settings.camera,
+        look=fabric,
+        seed=seed,
+        optics=optics,
+        contact_bias=observation.contact_bias,
+        surround=look,
     )
     latency = observation.camera_latency
     camera = TwinCamera(
-        staging.view(world), clock, settings.camera, renderer, seed, latency
+        view=staging.view(world),
+        clock=clock,
+        settings=settings.camera,
+        renderer=renderer,
+        seed=seed,
+        latency=latency,
     )
     clock.every(settings.world.step, world.advance, Rank.WORLD)
     return Desk(clock=clock, world=world, camera=camera, model=model, home=home)

@@ -296,7 +296,12 @@ class V4l2Camera:
         session = CaptureSession.open(self._kernel, self._settings)
         self.setup = session.setup
         self._newest = None
-        self._frames = NewestFrame(self._kernel, self._settings, self._clock, session)
+        self._frames = NewestFrame(
+            kernel=self._kernel,
+            settings=self._settings,
+            clock=self._clock,
+            session=session,
+        )
 
     def read(self, after: float, timeout: float) -> CameraFrame | None:
         """Newest complete frame stamped later than `after` [s]; None if none in
@@ -377,7 +382,12 @@ def report(kernel: Kernel, link: str) -> CameraReport:
     device = Device.open(kernel, link)
     try:
         controls = tuple(controls_of(device).values())
-        return CameraReport(link, device.identify(), tuple(modes_of(device)), controls)
+        return CameraReport(
+            device=link,
+            identity=device.identify(),
+            modes=tuple(modes_of(device)),
+            controls=controls,
+        )
     finally:
         device.close()
 

@@ -63,7 +63,12 @@ def modes_of(device: Device) -> Iterator[CameraMode]:
             rates = _rates(device, number, width, height)
             text = described.description.decode(errors="replace")
             yield CameraMode(
-                abi.letters(number), text, width, height, rates, steps=steps
+                format=abi.letters(number),
+                description=text,
+                width=width,
+                height=height,
+                rates=rates,
+                steps=steps,
             )
 
 

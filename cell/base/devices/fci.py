@@ -69,7 +69,14 @@ def fci_devices(
     clock = world if lock_step else RealTimeClock(world, CATCHING_UP)
     simulation, plant = simulated(settings, strip, trial, calibrating=calibrating)
     installation = settings.installation
-    desk = open_desk(world, simulation, plant, trial.seed, trial.index, installation)
+    desk = open_desk(
+        clock=world,
+        settings=simulation,
+        plant=plant,
+        seed=trial.seed,
+        index=trial.index,
+        installation=installation,
+    )
     if desk.model.rig.delay != 0:
         raise ConfigurationError(
             "effects: control_delay cannot be simulated with arm fci; use arm twin"
@@ -80,7 +87,14 @@ def fci_devices(
     follow_arm(desk, simulation, arm.catch_up, hand)
     twins = desk.camera if lock_step else PacedCamera(desk.camera)
     return replace(
-        _robot_devices(clock, arm, hand, twins, settings.twin.camera.identity, servers),
+        _robot_devices(
+            clock,
+            arm,
+            hand,
+            camera=twins,
+            identity=settings.twin.camera.identity,
+            servers=servers,
+        ),
         aids=TwinCalibrationAids(desk, settings, trial.seed) if calibrating else None,
         plant=TwinPlant(desk, trial.plant or strip),
     )
@@ -128,7 +142,13 @@ def fci_arm(
     def origin() -> float | None:
         return None if isinstance(clock, TwinClock) else clock.origin
 
-    arm = FciArm(RobotAccess(address, fci, installation, limits), clock, origin)
+    arm = FciArm(
+        RobotAccess(
+            address=address, settings=fci, installation=installation, limits=limits
+        ),
+        clock,
+        origin,
+    )
     hand = FciHand(address, fci.hand, clock, ready=arm.join)
     return arm, hand
 

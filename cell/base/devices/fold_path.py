@@ -57,7 +57,9 @@ def whole_path(
 
     x, z = carry[-1].tolist()
     taut = max(x - z, 0.0) if touch is None else taut_edge(touch)
-    plan = lay_plan(Pose(x, z, HANGING), taut, LAYERS, goal, fold)
+    plan = lay_plan(
+        gripper=Pose(x, z, HANGING), taut=taut, layers=LAYERS, goal=goal, fold=fold
+    )
     lay = np.insert(plan.path.points[1:], 2, HANGING, axis=1)
     let_go = retreat(plan.held(), fold).as_array()[None]
 

@@ -101,7 +101,12 @@ def twin_devices(
     index = 0 if calibrating else trial.index
     simulation, plant = simulated(settings, strip, trial, calibrating=calibrating)
     twin = open_twin(
-        simulation, plant, trial.seed, index, settings.installation, staging
+        settings=simulation,
+        plant=plant,
+        seed=trial.seed,
+        index=index,
+        installation=settings.installation,
+        staging=staging,
     )
     return Devices(
         clock=twin.clock,

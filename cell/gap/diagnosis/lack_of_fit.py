@@ -81,7 +81,12 @@ class Repeats(NamedTuple):
         inflation = _pure_error(estimate, estimate.by_run(corrected), spent=count)
         unit = max([1.0, *(v / estimate.scale for v in inflation.values())]) ** 2
         p = special.chdtrc(count, 2.0 * form.decrease(rates) / unit)
-        return cls(scatter, inflation, _drift_words(estimate, form), p)
+        return cls(
+            scatter=scatter,
+            inflation=inflation,
+            drift=_drift_words(estimate, form),
+            p=p,
+        )
 
     @property
     def differ(self) -> bool:
@@ -223,7 +228,12 @@ class ResidualTest(NamedTuple):
         allowed = np.array(
             [repeats.inflation.get(channel, 1.0) for channel in channels]
         )
-        return cls(estimate, repeats, _draw_residuals(estimate, rng), allowed)
+        return cls(
+            estimate=estimate,
+            repeats=repeats,
+            noise=_draw_residuals(estimate, rng),
+            allowed=allowed,
+        )
 
     @property
     def bins(self) -> dict[Place, list[int]]:

@@ -147,7 +147,12 @@ def validate(estimate: FitEstimate) -> Task[CrossValidatedFit]:
     }
     predictions = (by_run[i] for i in sorted(by_run))
     left_out, uncertain, penalty = zip(*predictions, strict=True)
-    return CrossValidatedFit(estimate, left_out, uncertain, np.array(penalty))
+    return CrossValidatedFit(
+        estimate=estimate,
+        left_out=left_out,
+        uncertain=uncertain,
+        charged=np.array(penalty),
+    )
 
 
 def _predict_fold(estimate: FitEstimate, fold: Sequence[int]) -> Task[list[Prediction]]:

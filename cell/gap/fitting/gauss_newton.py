@@ -146,7 +146,15 @@ class FitEstimate:
         """
         r = residuals(raw, runs)
         scale = robust.scale(np.concatenate(r))
-        return cls(model, runs, point, r, raw, jacobians, scale)
+        return cls(
+            model=model,
+            runs=runs,
+            point=point,
+            residuals=r,
+            raw=raw,
+            jacobians=jacobians,
+            scale=scale,
+        )
 
     @property
     def shared(self) -> Array:

@@ -98,7 +98,9 @@ class NormalEquations(NamedTuple):
 
         least = 0.0
         for _ in range(len(step) + 3):
-            step, free = _minimise_free(gradient, ridged, step, free, low, high)
+            step, free = _minimise_free(
+                gradient, curvature=ridged, step=step, free=free, low=low, high=high
+            )
             slope = gradient + ridged @ step
             value = 0.5 * float(step @ (gradient + slope))
             if value < least:

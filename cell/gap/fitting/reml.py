@@ -104,7 +104,9 @@ def _spread(p: Parameter, fraction: float, error: float) -> Spread:
     """
     value = fraction * p.spread
     factor = np.exp(CENTRAL_95 * error)
-    return Spread(p.name, p.unit, value, value / factor, value * factor)
+    return Spread(
+        name=p.name, unit=p.unit, value=value, low=value / factor, high=value * factor
+    )
 
 
 class Likelihood(NamedTuple):
@@ -144,10 +146,10 @@ class Likelihood(NamedTuple):
             - curvature[np.ix_(random, fixed)] @ across
         )
         return cls(
-            0.5 * (left + left.T) * unit[:, None] * unit,
-            (descent[random] - across.T @ descent[fixed]) * unit,
-            owner[random],
-            usual,
+            curvature=0.5 * (left + left.T) * unit[:, None] * unit,
+            descent=(descent[random] - across.T @ descent[fixed]) * unit,
+            owner=owner[random],
+            usual=usual,
         )
 
     def loss(self, shares: Array, active: Sequence[int]) -> tuple[float, Array]:
@@ -236,7 +238,12 @@ class SpreadFit(NamedTuple):
         (k,).
         """
         if not active:
-            return cls(likelihood, active, start, likelihood.loss(start, active)[0])
+            return cls(
+                likelihood=likelihood,
+                active=active,
+                shares=start,
+                loss=likelihood.loss(start, active)[0],
+            )
         optimum = optimize.minimize(
             lambda x: likelihood.loss(np.exp(x), active),
             np.log(start),
@@ -244,7 +251,12 @@ class SpreadFit(NamedTuple):
             method="L-BFGS-B",
             bounds=optimize.Bounds(*np.log([SMALLEST, LARGEST])),
         )
-        return cls(likelihood, active, np.exp(optimum.x), optimum.fun)
+        return cls(
+            likelihood=likelihood,
+            active=active,
+            shares=np.exp(optimum.x),
+            loss=optimum.fun,
+        )
 
     def mean_share(self, i: int, *, common: bool) -> float:
         """Posterior mean of the share of quantity `i`, at the others' most likely

@@ -249,7 +249,7 @@ def worst_moment(runs: Sequence[RunScenes]) -> Worst | None:
         off = {
             k: _distance(measured[image], c.points[image]) for k, c in curves.items()
         }
-        found = Worst(run, image, curve.t[image], off)
+        found = Worst(run=run, image=image, t=curve.t[image], off=off)
     return found
 
 

@@ -137,7 +137,13 @@ def _log_tracks(
         points = scene.at_depth(track.places, -DEPTHS[word])
         columns = rr.Points3D.columns(positions=points)
         look = rr.Points3D.from_fields(colors=colour, radii=size)
-        _send_shapes(recording, f"{root}/tracks/{name}/{word}", track.t, columns, look)
+        _send_shapes(
+            recording,
+            entity=f"{root}/tracks/{name}/{word}",
+            t=track.t,
+            columns=columns,
+            look=look,
+        )
 
 
 def _log_signals(
@@ -146,7 +152,13 @@ def _log_signals(
     look = rr.SeriesLines(colors=CURVE_COLOURS[word], names=word, widths=1.5)
     for title, t, values in drawn.signals:
         columns = rr.Scalars.columns(scalars=values)
-        _send_columns(recording, f"{_signal(root, title)}/{word}", t, columns, look)
+        _send_columns(
+            recording,
+            entity=f"{_signal(root, title)}/{word}",
+            t=t,
+            columns=columns,
+            look=look,
+        )
 
 
 def _log_curve(
@@ -169,7 +181,9 @@ def _log_curve(
         columns = scene.lines(curves)
         look = rr.LineStrips3D.from_fields(colors=colour, radii=CURVE_RADIUS)
 
-    _send_shapes(recording, f"{root}/curve/{word}", t, columns, look)
+    _send_shapes(
+        recording, entity=f"{root}/curve/{word}", t=t, columns=columns, look=look
+    )
 
 
 def _send_columns(
@@ -190,7 +204,13 @@ def _send_shapes(
     """
     if not len(t):
         return
-    _send_columns(recording, entity, np.array([min(0.0, t[0]), *t[1:]]), columns, look)
+    _send_columns(
+        recording,
+        entity,
+        t=np.array([min(0.0, t[0]), *t[1:]]),
+        columns=columns,
+        look=look,
+    )
     recording.set_time("t", duration=t[-1] + AFTER)
     recording.log(entity, rr.Clear(recursive=False))
     recording.reset_time()

@@ -173,7 +173,9 @@ def posterior(
     shares = special.softmax(nats)
     rows = zip(fits.models, nats, shares, strict=True)
     models = [
-        SetProbability(m.names, n, p, shared_causes(m.estimate, odds))
+        SetProbability(
+            names=m.names, nats=n, p=p, shared=shared_causes(m.estimate, odds)
+        )
         for m, n, p in rows
     ]
     return Posterior(sorted(models, key=lambda w: (-w.nats, sorted(w.names))))

@@ -378,10 +378,10 @@ def _best_mix(
     unscaled = np.where(amounts < 0.0, -1.0, 1.0)
     return (
         Score(
-            names,
-            form.decrease(amounts),
-            _mixed_values(chosen, amounts),
-            not any(choice),
+            names=names,
+            gain=form.decrease(amounts),
+            start=_mixed_values(chosen, amounts),
+            linear=not any(choice),
         ),
         form.decrease(unscaled),
         _mixed_values(chosen, unscaled),

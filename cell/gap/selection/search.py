@@ -255,7 +255,11 @@ def _finish(first: FitEstimate, *, promising: bool) -> Task[FitEstimate]:
     if not promising:
         return first
     finished = yield from refit(
-        first.model, first.runs, first.point, first.jacobians, ROUGH_GAIN
+        first.model,
+        first.runs,
+        start=first.point,
+        jacobians=first.jacobians,
+        enough=ROUGH_GAIN,
     )
     return best([first, finished])
 

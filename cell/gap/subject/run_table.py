@@ -110,7 +110,13 @@ def clock(t: Array) -> Iterator[Finding]:
     worst = np.argmax(steps)
     gap = f"the rows are missing, the longest gap {steps[worst]:.2g} s at"
     remedy = "record on a machine that keeps up, or leave the run out"
-    yield from _lost("samples", t, LOST_ROWS, f"{gap} {t[worst]:.2f} s", remedy)
+    yield from _lost(
+        what="samples",
+        t=t,
+        limits=LOST_ROWS,
+        words=f"{gap} {t[worst]:.2f} s",
+        remedy=remedy,
+    )
     low, usual, high = np.quantile(steps, [0.25, 0.5, 0.75])
     if high - low > UNEVEN * usual:
         yield Finding(
@@ -133,7 +139,9 @@ def images(t: Array) -> Iterator[Finding]:
     if len(stamps) > 2:
         remedy = "look at light and segmentation where they are, or leave the run out"
         words = "the images are missing"
-        yield from _lost("images", stamps, LOST_IMAGES, words, remedy)
+        yield from _lost(
+            what="images", t=stamps, limits=LOST_IMAGES, words=words, remedy=remedy
+        )
 
 
 def _lost(

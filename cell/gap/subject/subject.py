@@ -289,13 +289,13 @@ class ScatterSource:
         usual = self.usual
         most = FARTHEST * usual
         return Parameter(
-            self.name,
-            self.unit,
-            0.0,
-            -most,
-            most,
-            self.step,
-            usual,
+            name=self.name,
+            unit=self.unit,
+            start=0.0,
+            low=-most,
+            high=most,
+            step=self.step,
+            spread=usual,
             random=True,
             common=self.common,
         )
@@ -454,7 +454,10 @@ class Subject(ABC):
     ) -> SimulationRequest:
         """Request to simulate `run` at stated values, with `effects` (k,) by name."""
         return SimulationRequest(
-            run, starts(self.scope.base), effects or {}, starts(run.local)
+            run=run,
+            base=starts(self.scope.base),
+            effects=effects or {},
+            local=starts(run.local),
         )
 
     def refine(self, requests: Sequence[SimulationRequest]) -> Sequence[FitRun]:

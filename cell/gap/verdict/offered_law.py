@@ -114,4 +114,4 @@ def _offer(fit: FitEstimate, shrink: float) -> OfferedLaw:
         f"{amount:+.3g} {e.parameters[0].unit} x {e.sentence}"
         for e, amount in zip(fit.effects, amounts.values(), strict=True)
     )
-    return OfferedLaw(base, amounts, words, shrink)
+    return OfferedLaw(base=base, terms=amounts, words=words, shrink=shrink)

@@ -68,7 +68,9 @@ def import_runs(
         raise ConfigurationError("--out: is missing; name the folder of the runs")
 
     with busy("reading the tables"):
-        made = _convert(places, mapping, out, model, found)
+        made = _convert(
+            paths=places, mapping=mapping, out=out, model=model, found=found
+        )
 
     if as_json:
         print_json(*({"run": folder} for folder in made))

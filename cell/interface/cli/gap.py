@@ -189,7 +189,14 @@ def _standard_runs(
     desk = None if plant_file is None else load_plant(plant_file)
     record = RecordingOptions(truth=truth)
     trial = Trial(desk, seed)
-    base = Request(found.cell(), found.strip(strip), "", folder, trial, record=record)
+    base = Request(
+        cell=found.cell(),
+        strip=found.strip(strip),
+        policy="",
+        runs=folder,
+        trial=trial,
+        record=record,
+    )
     return standard_requests(base)
 
 
@@ -312,11 +319,11 @@ def fit(
     from cell.gap.report.sentence import deviation_text
 
     options = FitOptions(
-        hold_out or (),
-        without or (),
-        unchecked,
-        _threads(jobs),
-        _cell_file(model, configs),
+        hold_out=hold_out or (),
+        without=without or (),
+        unchecked=unchecked,
+        jobs=_threads(jobs),
+        cell_file=_cell_file(model, configs),
     )
     with working("reading", quiet=0.0) as shown:
         verdict = fit_runs(runs, file, out, options, shown, write_overlay)

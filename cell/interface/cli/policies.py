@@ -138,7 +138,12 @@ def train(given: TrainOptions) -> None:
         if is_adaptive:
             with Meter(console) as meter:
                 corrected = transfer(
-                    checkpoint, folder, given.seed, given.folds, workers, meter
+                    checkpoint,
+                    folder,
+                    given.seed,
+                    count=given.folds,
+                    engine=workers,
+                    meter=meter,
                 )
     if given.as_json:
         line = {"schema": 1} if trained is None else trained.record()

@@ -38,11 +38,11 @@ def move_manually(
     try:
         devices.connect()
         run = ControlLoop(
-            devices,
-            ManualInputs(settings.controller, motion),
-            ManualLog(),
-            MANUAL_PHASES,
-            Recorder(),
+            devices=devices,
+            inputs=ManualInputs(settings.controller, motion),
+            log=ManualLog(),
+            phases=MANUAL_PHASES,
+            recorder=Recorder(),
             interrupted=interrupted,
         )
         return run.execute()
@@ -92,4 +92,6 @@ def robot_task(settings: CellFile) -> "RobotAccess":
 
     limits = joint_limits(fci)
     address = fci.address
-    return RobotAccess(address, fci, settings.installation, limits)
+    return RobotAccess(
+        address=address, settings=fci, installation=settings.installation, limits=limits
+    )

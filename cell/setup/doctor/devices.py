@@ -40,9 +40,17 @@ def library() -> Check:
     """Check whether pylibfranka, the maker's client of the arm, is installed."""
     why = "the arm speaks a protocol of its own"
     if find_spec("pylibfranka") is not None:
-        return Check("robot library", PASS, "pylibfranka is installed", why)
+        return Check(
+            name="robot library", state=PASS, found="pylibfranka is installed", why=why
+        )
     remedy = f"{install_advice('pylibfranka')} on Linux x86_64, Python 3.11 or 3.12"
-    return Check("robot library", FAIL, "pylibfranka is missing", why, remedy)
+    return Check(
+        name="robot library",
+        state=FAIL,
+        found="pylibfranka is missing",
+        why=why,
+        remedy=remedy,
+    )
 
 
 def robot(address: str) -> Check:
@@ -58,11 +66,21 @@ def robot(address: str) -> Check:
             "switch the robot on, unlock its brakes, activate FCI in Desk; check"
             " fci.address"
         )
-        return Check("robot", FAIL, f"no robot answers at {address}", why, remedy)
+        return Check(
+            name="robot",
+            state=FAIL,
+            found=f"no robot answers at {address}",
+            why=why,
+            remedy=remedy,
+        )
     found = f"{address} speaks version {spoken}, the library {LIBRARY_VERSION}"
     state = PASS if spoken == LIBRARY_VERSION else FAIL
     return Check(
-        "robot", state, found, why, "install the library that fits the robot's system"
+        name="robot",
+        state=state,
+        found=found,
+        why=why,
+        remedy="install the library that fits the robot's system",
     )
 
 
@@ -74,16 +92,31 @@ def camera(settings: CellFile) -> Check:
         "a picture by other settings is measured by a calibration that does not fit it"
     )
     if settings.camera_driver != DRIVERS["cameras"]["v4l2"]:
-        return Check("camera", SKIPPED, "a plug-in's", "only its package can check it")
+        return Check(
+            name="camera",
+            state=SKIPPED,
+            found="a plug-in's",
+            why="only its package can check it",
+        )
     stated = settings.camera
     if stated is None:
         remedy = "run `cell camera` and put what it prints into cell.yaml"
-        return Check("camera", FAIL, "cell.yaml states none", why, remedy)
+        return Check(
+            name="camera",
+            state=FAIL,
+            found="cell.yaml states none",
+            why=why,
+            remedy=remedy,
+        )
     try:
         found = report(Kernel(), stated.device)
     except CellError as error:
         return Check(
-            "camera", FAIL, str(error), why, "connect it, close other programs"
+            name="camera",
+            state=FAIL,
+            found=str(error),
+            why=why,
+            remedy="connect it, close other programs",
         )
     values = {control.name: control.value for control in found.controls}
     other = [
@@ -95,10 +128,15 @@ def camera(settings: CellFile) -> Check:
         remedy = (
             "close the program that changes it; a fold sets it again when it connects"
         )
-        return Check("camera", WARN, "; ".join(other), why, remedy)
+        return Check(
+            name="camera", state=WARN, found="; ".join(other), why=why, remedy=remedy
+        )
     count = len(stated.controls)
     return Check(
-        "camera", PASS, f"{stated.device}, {count} controls as configured", why
+        name="camera",
+        state=PASS,
+        found=f"{stated.device}, {count} controls as configured",
+        why=why,
     )
 
 
@@ -106,12 +144,16 @@ def camera_stream(settings: CellFile) -> Check:
     """Check whether the camera keeps its rate, and stamps its images itself."""
     why = "an image that is late or stamped at its arrival is measured at another pose"
     if settings.camera is None:
-        return Check("pictures", SKIPPED, "cell.yaml states no camera", why)
+        return Check(
+            name="pictures", state=SKIPPED, found="cell.yaml states no camera", why=why
+        )
     remedy = "give it light, a port of its own without a hub, and close other programs"
     try:
         taken = grab(settings.camera)
     except CellError as error:
-        return Check("pictures", FAIL, str(error), why, remedy)
+        return Check(
+            name="pictures", state=FAIL, found=str(error), why=why, remedy=remedy
+        )
 
     agreed = taken.setup.picture.rate
     source, counts = taken.frame.stamp_source, taken.counts
@@ -123,7 +165,7 @@ def camera_stream(settings: CellFile) -> Check:
     slow = taken.rate < (1.0 - RATE_SHARE) * agreed
     unsure = counts.missing or counts.corrupt or counts.restamped
     state = WARN if slow or unsure else PASS
-    return Check("pictures", state, found, why, remedy)
+    return Check(name="pictures", state=state, found=found, why=why, remedy=remedy)
 
 
 def calibration(settings: CellFile, *, on_twin: bool) -> Check:
@@ -136,19 +178,29 @@ def calibration(settings: CellFile, *, on_twin: bool) -> Check:
     if settings.calibration is None:
         state = PASS if on_twin else FAIL
         found = "the twin makes its own" if on_twin else "cell.yaml names none"
-        return Check("calibration", state, found, why, remedy)
+        return Check(
+            name="calibration", state=state, found=found, why=why, remedy=remedy
+        )
     try:
         made = load_calibration(Path(settings.calibration))
         now = datetime.now(UTC)
         check_current(made, calibration_days, now, on_twin=on_twin)
     except CellError as error:
-        return Check("calibration", FAIL, str(error), why, remedy)
+        return Check(
+            name="calibration", state=FAIL, found=str(error), why=why, remedy=remedy
+        )
     age = age_days(made, now)
     found = f"{made.id}, {age:.0f} of {calibration_days:.0f} days old"
     doubted = not on_twin and age > EXPIRING * calibration_days
     if made.accepted_anyway:
         doubted, found = True, f"{found}, accepted although refused"
-    return Check("calibration", WARN if doubted else PASS, found, why, remedy)
+    return Check(
+        name="calibration",
+        state=WARN if doubted else PASS,
+        found=found,
+        why=why,
+        remedy=remedy,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +232,9 @@ def network(address: str, seconds: float) -> Check:
         return judge_link(measure_link(address, seconds))
     except CellError as error:
         remedy = "close other programs that hold the robot; check cable and address"
-        return Check("network", FAIL, str(error), NETWORK_WHY, remedy)
+        return Check(
+            name="network", state=FAIL, found=str(error), why=NETWORK_WHY, remedy=remedy
+        )
 
 
 def judge_link(link: NetworkLink) -> Check:
@@ -199,7 +253,9 @@ def judge_link(link: NetworkLink) -> Check:
         state = WARN
     if link.lost_share > TOO_MANY or link.in_a_row >= IN_A_ROW:
         state = FAIL
-    return Check("network", state, found, NETWORK_WHY, remedy)
+    return Check(
+        name="network", state=state, found=found, why=NETWORK_WHY, remedy=remedy
+    )
 
 
 def measure_link(address: str, seconds: float) -> NetworkLink:

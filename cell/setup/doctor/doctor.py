@@ -38,11 +38,15 @@ def checks(
             configs.strip(name)
     except CellError as error:
         yield Check(
-            "configuration", FAIL, str(error), why, "mend the file that is named"
+            name="configuration",
+            state=FAIL,
+            found=str(error),
+            why=why,
+            remedy="mend the file that is named",
         )
         return
     found = f"{settings.name}, {len(names)} strips in {configs.folder}"
-    yield Check("configuration", PASS, found, why)
+    yield Check(name="configuration", state=PASS, found=found, why=why)
     yield from hardware_checks(settings, runs, seconds)
 
 
@@ -61,7 +65,12 @@ def hardware_checks(settings: CellFile, runs: Path, seconds: float) -> Iterator[
         if connected.state in {PASS, WARN}:
             yield devices.camera_stream(settings)
     else:
-        yield Check("camera", SKIPPED, "the twin's", "there is nothing to connect")
+        yield Check(
+            name="camera",
+            state=SKIPPED,
+            found="the twin's",
+            why="there is nothing to connect",
+        )
 
 
 def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
@@ -72,7 +81,10 @@ def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
     address = settings.robot_address
     if address is None:
         yield Check(
-            "robot", SKIPPED, "none at fci.address", "there is nothing to connect"
+            name="robot",
+            state=SKIPPED,
+            found="none at fci.address",
+            why="there is nothing to connect",
         )
         return
     installed = devices.library()

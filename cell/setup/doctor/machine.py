@@ -39,8 +39,14 @@ def versions() -> Check:
     why = "a cell with other versions computes other numbers"
     if missing:
         remedy = f"{sys.executable} -m {install_line()}"
-        return Check("versions", FAIL, f"missing: {', '.join(missing)}", why, remedy)
-    return Check("versions", PASS, ", ".join(found), why)
+        return Check(
+            name="versions",
+            state=FAIL,
+            found=f"missing: {', '.join(missing)}",
+            why=why,
+            remedy=remedy,
+        )
+    return Check(name="versions", state=PASS, found=", ".join(found), why=why)
 
 
 def cores() -> Check:
@@ -51,7 +57,13 @@ def cores() -> Check:
         " the arm"
     )
     remedy = f"give this process at least {PLENTY} cores (taskset, container limits)"
-    return Check("cores", _state(count, CORES, PLENTY), f"{count} usable", why, remedy)
+    return Check(
+        name="cores",
+        state=_state(count, CORES, PLENTY),
+        found=f"{count} usable",
+        why=why,
+        remedy=remedy,
+    )
 
 
 def _state(amount: float, needed: float, plenty: float) -> Grade:
@@ -71,23 +83,25 @@ def disk(runs: Path) -> Check:
     folder = next(p for p in (runs.absolute(), *runs.absolute().parents) if p.exists())
     if not folder.is_dir():
         remedy = "give a folder with --runs"
-        return Check("disk", FAIL, f"{folder} is a file", why, remedy)
+        return Check(
+            name="disk", state=FAIL, found=f"{folder} is a file", why=why, remedy=remedy
+        )
     if not os.access(folder, os.W_OK):
         return Check(
-            "disk",
-            FAIL,
-            f"{folder} cannot be written",
-            why,
-            "mend its permissions",
+            name="disk",
+            state=FAIL,
+            found=f"{folder} cannot be written",
+            why=why,
+            remedy="mend its permissions",
         )
     free = shutil.disk_usage(folder).free / 1e9
     remedy = f"make room: `cell runs --runs {runs} --keep 100 --delete`"
     return Check(
-        "disk",
-        _state(free, RUN_GB, ROOM_GB),
-        f"{free:.1f} GB free for {runs}",
-        why,
-        remedy,
+        name="disk",
+        state=_state(free, RUN_GB, ROOM_GB),
+        found=f"{free:.1f} GB free for {runs}",
+        why=why,
+        remedy=remedy,
     )
 
 
@@ -101,9 +115,9 @@ def kernel(realtime: str) -> Check:
     )
     remedy = "boot a PREEMPT_RT kernel, or set fci.realtime: priority in cell.yaml"
     if real:
-        return Check("kernel", PASS, found, why)
+        return Check(name="kernel", state=PASS, found=found, why=why)
     state = FAIL if realtime == "enforce" else WARN
-    return Check("kernel", state, found, why, remedy)
+    return Check(name="kernel", state=state, found=found, why=why, remedy=remedy)
 
 
 def priority(realtime: str) -> Check:
@@ -127,9 +141,9 @@ def priority(realtime: str) -> Check:
         " join it"
     )
     if ready:
-        return Check("scheduler", PASS, found, why, remedy)
+        return Check(name="scheduler", state=PASS, found=found, why=why, remedy=remedy)
     state = WARN if realtime == "ignore" else FAIL
-    return Check("scheduler", state, found, why, remedy)
+    return Check(name="scheduler", state=state, found=found, why=why, remedy=remedy)
 
 
 def throttling() -> Check:
@@ -153,7 +167,13 @@ def throttling() -> Check:
         " sched/fair_server/cpu*/runtime"
     )
     few = len(os.sched_getaffinity(0)) < PLENTY
-    return Check("throttling", WARN if limited and few else PASS, found, why, remedy)
+    return Check(
+        name="throttling",
+        state=WARN if limited and few else PASS,
+        found=found,
+        why=why,
+        remedy=remedy,
+    )
 
 
 def governor() -> Check:
@@ -161,11 +181,19 @@ def governor() -> Check:
     why = "a core that sleeps or slows down answers the robot late"
     found = set(map(_text, GOVERNORS))
     if not found:
-        return Check("governor", SKIPPED, "this kernel has none", why)
+        return Check(
+            name="governor", state=SKIPPED, found="this kernel has none", why=why
+        )
     slow = found - {"performance"}
     remedy = "`cpupower frequency-set --governor performance`, at every start"
     state = WARN if slow else PASS
-    return Check("governor", state, ", ".join(sorted(found)), why, remedy)
+    return Check(
+        name="governor",
+        state=state,
+        found=", ".join(sorted(found)),
+        why=why,
+        remedy=remedy,
+    )
 
 
 def extras() -> Check:
@@ -176,4 +204,4 @@ def extras() -> Check:
     why = "only what stands in brackets needs it, and says so"
     found = ", ".join(f"{module} ({use})" for module, use in lost.items())
     text = f"not installed: {found}" if lost else "all optional libraries are installed"
-    return Check("extras", PASS, text, why)
+    return Check(name="extras", state=PASS, found=text, why=why)

@@ -80,7 +80,14 @@ BENDING_HYSTERESIS = law_effect(
     parameters=(
         Parameter("yield_curvature", "1/m", low=0.0, high=100.0),
         Parameter(
-            "stiffness_ratio", "1", 8.0, 1.0, 100.0, step=0.16, spread=4.0, role="ratio"
+            name="stiffness_ratio",
+            unit="1",
+            start=8.0,
+            low=1.0,
+            high=100.0,
+            step=0.16,
+            spread=4.0,
+            role="ratio",
         ),
         Parameter.shape("set", "rad", high=3.0, guess=0.3),
         Parameter.shape("gradual", "1", high=1.0, guess=0.3),

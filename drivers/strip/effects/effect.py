@@ -103,7 +103,14 @@ class Parameter:
     @classmethod
     def limit(cls, name: str, unit: str, low: float, high: float) -> "Parameter":
         """Limit of a force or a stiffness from `low` to `high`, absent at infinity."""
-        return cls(name, unit, 0.0, 1.0 / high, 1.0 / low, inverse=True)
+        return cls(
+            name=name,
+            unit=unit,
+            start=0.0,
+            low=1.0 / high,
+            high=1.0 / low,
+            inverse=True,
+        )
 
     @classmethod
     def scale(
@@ -112,13 +119,13 @@ class Parameter:
         """Width or time of an effect, of which nothing but its range is known."""
         start = sqrt(low * high)
         return cls(
-            name,
-            unit,
-            start,
-            low,
-            high,
-            SCALE_STEP * start,
-            SCALE_SPREAD * start,
+            name=name,
+            unit=unit,
+            start=start,
+            low=low,
+            high=high,
+            step=SCALE_STEP * start,
+            spread=SCALE_SPREAD * start,
             role=role,
         )
 
@@ -128,7 +135,14 @@ class Parameter:
         `guess`.
         """
         return cls(
-            name, unit, 0.0, 0.0, high, SECANT * guess, FARTHEST * guess, role="shape"
+            name=name,
+            unit=unit,
+            start=0.0,
+            low=0.0,
+            high=high,
+            step=SECANT * guess,
+            spread=FARTHEST * guess,
+            role="shape",
         )
 
     @property

@@ -107,7 +107,10 @@ class Rod:
         observed = self._step_all(poses, dt, shapes, max(every, 1))
         grip = observed[:, :, at.GRIP_X : at.GRIP_Z + 1]
         return Trace(
-            observed[:, :, at.CONTACT_X], observed[:, :, at.HOLDING], grip, shapes
+            contact_x=observed[:, :, at.CONTACT_X],
+            holding_force=observed[:, :, at.HOLDING],
+            grip_force=grip,
+            shapes=shapes,
         )
 
     def retire(self, retired: NDArray[np.bool_]) -> None:
@@ -170,7 +173,12 @@ class Rod:
 
         observed = np.empty((len(poses), *self._observed.shape))
         observed[:] = self._observed
-        pace = Pace(self._time, dt, min(dt / self._last, LARGEST_RATIO), 1.0)
+        pace = Pace(
+            start=self._time,
+            h=dt,
+            omega=min(dt / self._last, LARGEST_RATIO),
+            next_omega=1.0,
+        )
         ended = step_along(self._batch, poses, Output(observed, shapes, every), pace)
         self._time += len(poses) * dt
         self._last = dt
@@ -243,7 +251,9 @@ def simulate_all(
     rod.reset(models, _starts(models, paths))
     pieces = [
         piece._replace(shapes=piece.shapes.astype(precision))
-        for piece in _trace_in_pieces(rod, poses, np.array(counts), dt, every)
+        for piece in _trace_in_pieces(
+            rod, poses, counts=np.array(counts), dt=dt, every=every
+        )
     ]
     trace = Trace(*(np.concatenate(parts) for parts in zip(*pieces, strict=True)))
 

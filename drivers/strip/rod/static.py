@@ -115,7 +115,7 @@ def _follow_damped(batch: Batch, poses: Array, dt: float) -> None:
     """
     observed = np.zeros((len(poses), len(batch.grip), at.OBSERVABLE_COUNT))
     output = Output(observed, np.empty((0, 0, 0, 2)), 1)
-    step_along(batch, poses, output, Pace(0.0, dt, 0.0, 0.0))
+    step_along(batch, poses, output, Pace(start=0.0, h=dt, omega=0.0, next_omega=0.0))
     failed, touched = (
         np.isfinite(batch.monitor[:, field])
         for field in (at.FAILURE_TIME, at.TOUCH_TIME)

@@ -118,7 +118,12 @@ class Slide:
         """
         if joint is None or np.isinf(limit):
             return None
-        return cls(joint, min(stiffest, limit / GIVE), limit, both_ways)
+        return cls(
+            joint=joint,
+            stiffness=min(stiffest, limit / GIVE),
+            limit=limit,
+            both_ways=both_ways,
+        )
 
     def update(self, position: float, rate: float) -> None:
         """Choose stick or slip for the next step, from the joint's position and

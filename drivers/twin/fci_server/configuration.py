@@ -45,7 +45,12 @@ def _start_thresholds() -> Thresholds:
     """
     torque = frozen(np.full((2, 7), 20.0))
     force = frozen(np.full((2, 6), 20.0))
-    return Thresholds(torque, torque, force, force)
+    return Thresholds(
+        torque_accelerating=torque,
+        torque_nominal=torque,
+        force_accelerating=force,
+        force_nominal=force,
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -96,7 +96,12 @@ class Contact:
         return Reflex.JOINT_REFLEX if self.joint_flags[1].any() else None
 
 
-NO_CONTACT = Contact(np.zeros(6), np.zeros(7), np.zeros((2, 7)), np.zeros((2, 6)))
+NO_CONTACT = Contact(
+    wrench=np.zeros(6),
+    torque=np.zeros(7),
+    joint_flags=np.zeros((2, 7)),
+    tool_flags=np.zeros((2, 6)),
+)
 
 
 Push = Callable[[Array, float], Array]

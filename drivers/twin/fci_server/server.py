@@ -121,7 +121,9 @@ class RobotServer:
             raise
 
         self.address = self._arm.address
-        self._disturbance = Disturbance(faults, self.robot, self._arm, self._freeze)
+        self._disturbance = Disturbance(
+            script=faults, robot=self.robot, port=self._arm, freeze=self._freeze
+        )
         self._waker, self._bell = socket.socketpair()
         self._bell.setblocking(False)
         self._poll.register(self._waker, select.EPOLLIN)

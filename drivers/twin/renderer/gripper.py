@@ -58,7 +58,11 @@ def outlines(scene: WorldState, middle: float, floor: float) -> list[Outline]:
         seen = _clip_above(side_view(corners, pose)[0], floor)
         if len(seen) > 2:
             half = depth / 2
-            placed.append(Outline(seen, middle - half, middle + half, shade))
+            placed.append(
+                Outline(
+                    corners=seen, front=middle - half, back=middle + half, shade=shade
+                )
+            )
     return placed
 
 
@@ -96,8 +100,8 @@ def draw_pointer(
     w, 3).
     """
     centre = np.array([scene.gripper.x, scene.gripper.z])
-    _disc(image, centre, PLATE, optics, colour * 0.5)
-    _disc(image, centre, DISC, optics, DISC_LEVELS)
+    _disc(image, centre, radius=PLATE, optics=optics, colour=colour * 0.5)
+    _disc(image, centre, radius=DISC, optics=optics, colour=DISC_LEVELS)
 
 
 def _disc(

@@ -70,7 +70,12 @@ class Window:
         # there is no margin at the image's own border
         kept_first = np.where(first > 0, first + margin, 0)
         kept_end = np.where(end < size, end - margin, size)
-        return cls(first, end, kept_first, np.maximum(kept_first, kept_end))
+        return cls(
+            first=first,
+            end=end,
+            kept_first=kept_first,
+            kept_end=np.maximum(kept_first, kept_end),
+        )
 
     @property
     def origin(self) -> tuple[int, int]:

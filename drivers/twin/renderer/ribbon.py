@@ -77,7 +77,7 @@ def expose(scenes: Sequence[WorldState], spacing: float) -> ExposedMidline:
     if first.points is not last.points:
         shift = (last.points - first.points) * (len(scenes) / (len(scenes) - 1))
         motion = interpolate_columns(s, middle.arc, shift)
-    return ExposedMidline(s, points, unit(derivatives), motion)
+    return ExposedMidline(s=s, points=points, tangents=unit(derivatives), motion=motion)
 
 
 def _hermite(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
@@ -174,7 +174,9 @@ def project(curve: ExposedMidline, optics: Optics, look: StripLook) -> MidlineIm
 
     half = in_pixels(curve.normals * (look.thickness / 2))
     motion = in_pixels(curve.motion) if len(curve.motion) else curve.motion
-    return MidlineImage(near, in_pixels(curve.steps), half, motion)
+    return MidlineImage(
+        near=near, along=in_pixels(curve.steps), half=half, motion=motion
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -125,15 +125,15 @@ class MechanismEffect:
         of_joint = self.law or self.read
         error = UNTRUE if self.path or (of_joint and self.of == "model") else EXACT
         return Candidate(
-            self.name,
-            self.sentence,
-            mechanism.mode.of or self.of,
-            parameters,
-            groups,
-            self.revealed_by,
-            error,
-            self.with_shape(mechanism)[len(parameters) :],
-            parameters[0].spread,
+            name=self.name,
+            sentence=self.sentence,
+            of=mechanism.mode.of or self.of,
+            parameters=parameters,
+            probes=groups,
+            revealed_by=self.revealed_by,
+            model_error=error,
+            shape_parameters=self.with_shape(mechanism)[len(parameters) :],
+            usual=parameters[0].spread,
         )
 
     def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -190,7 +190,17 @@ def single_parameter(
     low = -high * size if signed else 0.0
     step = size / STEPS_PER_SIZE
     spread = SIZES_PER_SPREAD * size
-    return (Parameter(key, unit, 0.0, low, high * size, step, spread),)
+    return (
+        Parameter(
+            name=key,
+            unit=unit,
+            start=0.0,
+            low=low,
+            high=high * size,
+            step=step,
+            spread=spread,
+        ),
+    )
 
 
 def shapes(
@@ -209,11 +219,11 @@ def shapes(
     low, high = bounds
     return tuple(
         Parameter(
-            f"{key}_{joint.name}",
-            unit if joint.hinge else unit.replace("rad", "m"),
-            start,
-            low * start,
-            high * start,
+            name=f"{key}_{joint.name}",
+            unit=unit if joint.hinge else unit.replace("rad", "m"),
+            start=start,
+            low=low * start,
+            high=high * start,
             step=step * start,
             spread=spread * start,
             role="shape",
@@ -234,7 +244,15 @@ def errors(
     `names`.
     """
     return tuple(
-        Parameter(f"{key}_{name}", unit, 0.0, low, high, step=1e-5, spread=spread)
+        Parameter(
+            name=f"{key}_{name}",
+            unit=unit,
+            start=0.0,
+            low=low,
+            high=high,
+            step=1e-5,
+            spread=spread,
+        )
         for name in names
     )
 

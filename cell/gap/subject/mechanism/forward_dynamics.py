@@ -159,10 +159,10 @@ class SplitModel:
         model = mechanism.model
         split = self._model = compile_model(
             mechanism.source,
-            mechanism.file.name,
-            model.nuser_jnt,
-            model.opt.timestep,
-            self._add_flexible_joints,
+            origin=mechanism.file.name,
+            slots=model.nuser_jnt,
+            step=model.opt.timestep,
+            edit=self._add_flexible_joints,
         )
         split.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
         self.motor = np.array([split.joint(j.name).id for j in mechanism.joints])

@@ -67,7 +67,11 @@ class InverseDynamics(MechanismSubject):
         joints = mechanism.joints
         given = [i for i, j in enumerate(joints) if inputs.get(j.name) == "position"]
         compared = [s.joint for s in mechanism.compared("torque")]
-        loop = ClosedLoops(model, given, compared, origin) if model.neq else None
+        loop = (
+            ClosedLoops(model=model, inputs=given, compared=compared, origin=origin)
+            if model.neq
+            else None
+        )
         self._loop = loop
         if not loop and len(given) < model.njnt:
             missing = next(j.name for i, j in enumerate(joints) if i not in given)
@@ -165,11 +169,11 @@ class InverseDynamics(MechanismSubject):
         motion = motion_of(
             recording,
             self._joints,
-            names,
-            self._cutoff,
-            cut.width,
-            self._loop,
-            self._barred,
+            torques=names,
+            cutoff=self._cutoff,
+            width=cut.width,
+            loops=self._loop,
+            barred=self._barred,
         )
         t = cut.t
         filtered = motion.below_cutoff(motion.torques, t)
@@ -266,7 +270,15 @@ class InverseDynamics(MechanismSubject):
         q, v, a = (x[known].T for x in (motion.q, motion.v, motion.a))
         rows = zip([s.joint for s in self._sensors], measured, stated, strict=False)
         return [
-            JointTorques(t[known], read, model, q[j], v[j], a[j], motion.cutoff)
+            JointTorques(
+                t=t[known],
+                measured=read,
+                model=model,
+                q=q[j],
+                v=v[j],
+                a=a[j],
+                cutoff=motion.cutoff,
+            )
             for j, read, model in rows
         ]
 
@@ -298,7 +310,7 @@ class InverseDynamics(MechanismSubject):
 
         load = self._loads(motion, model, inverse) if gears else inverse
         for bend, values in gears:
-            q, v, a = link_motion(motion, bend(load, values), q, v, a)
+            q, v, a = link_motion(motion, deflection=bend(load, values), q=q, v=v, a=a)
             inverse = _inverse_dynamics(model, q, v, a)
 
         return self._torques(model, case, q, v, inverse)
@@ -337,7 +349,16 @@ class InverseDynamics(MechanismSubject):
             if effect.path:
                 applied = applied + effect.path(self.mechanism, values, t, q, v)
 
-        self._stick(applied, model, forces, motion.torques, q, v, inverse, user)
+        self._stick(
+            applied,
+            model,
+            forces,
+            measured=motion.torques,
+            q=q,
+            v=v,
+            inverse=inverse,
+            user=user,
+        )
         return self._readings(model, forces, inverse - applied)
 
     def _stick(

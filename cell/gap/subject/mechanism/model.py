@@ -340,7 +340,7 @@ def _expand(
     kind, _ = FIELDS[spec.field]
     numbers: Sequence[int] = range(model.njnt if kind == "joint" else model.nu)
     if spec.owner != "*":
-        numbers = [number_of(model, kind, spec.owner, origin, kind)]
+        numbers = [number_of(model, kind, name=spec.owner, origin=origin, key=kind)]
     elif kind == "body":
         numbers = [i for i in range(1, model.nbody) if model.body_mass[i] > 0.0]
 
@@ -385,14 +385,22 @@ def _base_parameter(
     key = "_".join(filter(None, (field, axis, name)))
     _, unit = FIELDS[field]
     step = STEP * width
-    parameter = Parameter(key, unit, start, low, high, step, width)
+    parameter = Parameter(
+        name=key, unit=unit, start=start, low=low, high=high, step=step, spread=width
+    )
     by_run = _spread_width(spec.by_run or 0.0, size)
     if not by_run:
         return BaseParameter(parameter, put)
 
     what = f"{field} of {name}"
     scatter = ScatterSource(
-        f"{key}_run", what, f"keep the {what} steady", unit, by_run, step, common=True
+        name=f"{key}_run",
+        sentence=what,
+        remedy=f"keep the {what} steady",
+        unit=unit,
+        usual=by_run,
+        step=step,
+        common=True,
     )
     return BaseParameter(parameter, put, scatter)
 

@@ -163,7 +163,18 @@ def motion_of(
     t = frozen(grid[::stride])
     shake = frozen(shake)
     known = known[::stride]
-    return FilteredMotion(t, q, v, a, slow, known, cutoff, shake, moves, forces)
+    return FilteredMotion(
+        t=t,
+        q=q,
+        v=v,
+        a=a,
+        torques=slow,
+        known=known,
+        cutoff=cutoff,
+        shake=shake,
+        moves=moves,
+        forces=forces,
+    )
 
 
 def _low_pass(x: Array, dt: float, cutoff: float) -> Array:

@@ -111,7 +111,9 @@ def open_file(path: Path, model: Path | None = None) -> Mechanism:
 
     for name, is_ in inputs:
         kind = "joint" if is_ == "position" else "actuator"
-        number_of(compiled, kind, name, here, f"inputs.{name}")
+        number_of(
+            model=compiled, kind=kind, name=name, origin=here, key=f"inputs.{name}"
+        )
 
     if mode.loads:
         signals = [
@@ -119,7 +121,14 @@ def open_file(path: Path, model: Path | None = None) -> Mechanism:
         ]
 
     origin = replace(origin, digests={**origin.digests, **source.digests})
-    return Mechanism(file, path, source, compiled, tuple(signals), origin=origin)
+    return Mechanism(
+        file=file,
+        path=path,
+        source=source,
+        model=compiled,
+        signals=tuple(signals),
+        origin=origin,
+    )
 
 
 def open_all(
@@ -167,7 +176,13 @@ def read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
         )
 
     if load := recording.load:
-        number_of(model, "body", load.body, f"{recording.name}: {RUN}: load", "body")
+        number_of(
+            model,
+            kind="body",
+            name=load.body,
+            origin=f"{recording.name}: {RUN}: load",
+            key="body",
+        )
 
     return recording
 
@@ -197,7 +212,7 @@ def _signal(
     """
     key = f"signals.{name}"
     owner = spec.owner
-    number = number_of(model, owner, spec.name, origin, key)
+    number = number_of(model, kind=owner, name=spec.name, origin=origin, key=key)
     kind = spec.is_ or owner
     joint = -1
     actuator = -1
@@ -229,16 +244,16 @@ def _signal(
     ends = {model.njnt - 1: "grasped", 0: "fixed"}  # of a chain
     zone = "grasped" if kind in ("site", "sensor") else ends.get(joint, "middle")
     return Signal(
-        name,
-        mode.group or name,
-        kind,
-        0.0,
-        zone,
-        joint,
-        weights,
-        FORWARD_FLOOR,
-        actuator,
-        gear,
+        name=name,
+        channel=mode.group or name,
+        kind=kind,
+        sigma=0.0,
+        zone=zone,
+        joint=joint,
+        weights=weights,
+        floor=FORWARD_FLOOR,
+        actuator=actuator,
+        gear=gear,
     )
 
 
@@ -326,7 +341,17 @@ def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
         torque = driven or max(weight, inertia * acceleration, LEAST_TORQUE)
         pace = rate or np.sqrt(max(weight, LEAST_WEIGHT) / inertia)
         motor = actuator_on(model, i)
-        found.append(Joint(name, hinge, motor, torque, pace, inertia, travel))
+        found.append(
+            Joint(
+                name=name,
+                hinge=hinge,
+                actuator=motor,
+                torque=torque,
+                rate=pace,
+                inertia=inertia,
+                travel=travel,
+            )
+        )
 
     return tuple(found)
 

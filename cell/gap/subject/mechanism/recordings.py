@@ -124,7 +124,9 @@ class Cut(NamedTuple):
         """
         block = np.repeat(np.arange(len(self.edges) - 1), np.diff(self.edges))[good]
         edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
-        return Cut(self.t[good], self.values[:, good], edges, self.width)
+        return Cut(
+            t=self.t[good], values=self.values[:, good], edges=edges, width=self.width
+        )
 
 
 def read_recording(
@@ -157,15 +159,15 @@ def read_recording(
     condition = str(head.origin or head.condition or folder.name)
     t = table.pop("t")
     return Recording(
-        folder.name,
-        condition,
-        head.index,
-        frozen(t - t[0]),
-        {name: frozen(values) for name, values in table.items()},
-        head.load,
-        sigma,
-        rates,
-        tuple(wrapped),
+        name=folder.name,
+        condition=condition,
+        index=head.index,
+        t=frozen(t - t[0]),
+        columns={name: frozen(values) for name, values in table.items()},
+        load=head.load,
+        sigma=sigma,
+        rates=rates,
+        notes=tuple(wrapped),
     )
 
 
@@ -339,7 +341,9 @@ def cut_recording(recording: Recording, columns: Sequence[str], least: float) ->
     chosen = [_thinned(inside) for inside in np.split(good, starts)]
     edges = np.cumsum([0, *map(len, chosen)])
     kept = np.concatenate(chosen)
-    return Cut(frozen(t[kept]), frozen(values[:, kept]), edges, width)
+    return Cut(
+        t=frozen(t[kept]), values=frozen(values[:, kept]), edges=edges, width=width
+    )
 
 
 def _thinned(rows: NDArray[np.int64]) -> NDArray[np.int64]:

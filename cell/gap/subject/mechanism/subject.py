@@ -185,7 +185,12 @@ class MechanismSubject(Subject):
         if kind == "torque":
             spread = [np.nanstd(r.columns[channel]) for r in self.mechanism.recordings]
             tolerance *= np.sqrt(np.mean(np.square(spread)))
-        return Quantity(f"{channel}_{key}", factor, UNITS.get(key, key), tolerance)
+        return Quantity(
+            key=f"{channel}_{key}",
+            factor=factor,
+            unit=UNITS.get(key, key),
+            tolerance=tolerance,
+        )
 
     def _run(self, recording: Recording) -> FitRun:
         """Run for the engine: samples with their phases, and the run's own unknowns."""
@@ -202,7 +207,14 @@ class MechanismSubject(Subject):
         speed, _ = average(content.speed[None], content.cut.edges)
         known = samples(signals, content.cut, phases(speed))
         order = recording.index or 0
-        return FitRun(recording.name, recording.condition, known, local, content, order)
+        return FitRun(
+            name=recording.name,
+            condition=recording.condition,
+            samples=known,
+            local=local,
+            content=content,
+            index=order,
+        )
 
     def simulate(self, requests: Sequence[SimulationRequest]) -> list[Residuals]:
         """Residuals of `requests`, measured minus simulated; NaN where a simulation
@@ -244,7 +256,14 @@ class MechanismSubject(Subject):
         edited = partial(_edited, m, content.load, base, known)
         moving = [(e.name, v.tobytes()) for e, v in known if e.moves(m) and v.any()]
         motion = (run.name, *moving, *(x.tobytes() for x in (base, *start)))
-        return Case(content, edited, readings_of(known), known, start, motion)
+        return Case(
+            content=content,
+            edited=edited,
+            readings=readings_of(known),
+            known=known,
+            start=start,
+            motion=motion,
+        )
 
     def draw_measured(self, run: FitRun) -> Scene:
         """Drawing of the measured signals of `run`."""
@@ -298,8 +317,10 @@ class MechanismSubject(Subject):
         whole = _known(alone, {**effects, **rest})
         missing = "; ".join(unsaid(alone, whole))
         remarks = {FORMAT: "mechanism, version 1", NOT_SAID: missing}
-        edited = _edited(m, None, stated, _known(m, effects), m.model)
-        plain = _edited(alone, None, stated, whole, m.model)
+        edited = _edited(
+            m, load=None, base=stated, effects=_known(m, effects), model=m.model
+        )
+        plain = _edited(m=alone, load=None, base=stated, effects=whole, model=m.model)
         return {
             "model": accepted_xml(m, edited),
             "plain": accepted_xml(m, plain, remarks),

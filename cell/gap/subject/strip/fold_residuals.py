@@ -142,13 +142,21 @@ def layout(run: MeasuredRun, length: float) -> Layout:
     """Group the readings of the fold `run` of a strip of `length` [m] into samples."""
     stamps, _, image, s = run.images
     sigma = run.sigma
-    profile = _part(run, stamps[image], zones(s, length), sigma.profile, FEWEST_POINTS)
+    profile = _part(
+        run,
+        t=stamps[image],
+        zone=zones(s, length),
+        sigma=sigma.profile,
+        fewest=FEWEST_POINTS,
+    )
     # a soft strip that is pushed along the desk buckles at its fixed edge or not, by
     # chance
     t = run.contact_t
     x = run.contact_x
     buckled = (x < length / 3) & (phases(run, t) == "lift")
-    contact = _part(run, t, zones(x, length), sigma.contact_x, 1, buckled)
+    contact = _part(
+        run, t, zone=zones(x, length), sigma=sigma.contact_x, fewest=1, left_out=buckled
+    )
     force = _force_part(run, length, 0), _force_part(run, length, 1)
     # a camera's error shifts the whole image
     floor = FLOORS["profile"]
@@ -159,7 +167,9 @@ def layout(run: MeasuredRun, length: float) -> Layout:
         *(each for part in force for each in _columns(part, "force", FLOORS["force"])),
         *_touch_columns(run),
     ]
-    return Layout(profile, contact, force, Samples.stack(columns))
+    return Layout(
+        profile=profile, contact=contact, force=force, samples=Samples.stack(columns)
+    )
 
 
 def _force_part(run: MeasuredRun, length: float, axis: int) -> SampleGroups:
@@ -169,7 +179,15 @@ def _force_part(run: MeasuredRun, length: float, axis: int) -> SampleGroups:
     reported = run.force_t if run.has_force else np.empty(0)
     unknown = np.isnan(run.force[: len(reported), axis])
     grasped = zones(np.full(len(reported), length), length)
-    return _part(run, reported, grasped, run.sigma.force or 0.0, 1, unknown, BRIEF)
+    return _part(
+        run,
+        t=reported,
+        zone=grasped,
+        sigma=run.sigma.force or 0.0,
+        fewest=1,
+        left_out=unknown,
+        span=BRIEF,
+    )
 
 
 def _part(
@@ -201,12 +219,12 @@ def _part(
     rows = [row for row in np.split(used[sorting], borders) if len(row) >= fewest]
     first_rows = [row[0] for row in rows]
     return SampleGroups(
-        np.concatenate([*rows, np.empty(0, dtype=np.int64)]),
-        np.cumsum([0, *map(len, rows)]),
-        phase[first_rows],
-        zone[first_rows],
-        np.array([t[row].mean() for row in rows]),
-        sigma,
+        order=np.concatenate([*rows, np.empty(0, dtype=np.int64)]),
+        edges=np.cumsum([0, *map(len, rows)]),
+        phase=phase[first_rows],
+        zone=zone[first_rows],
+        t=np.array([t[row].mean() for row in rows]),
+        sigma=sigma,
     )
 
 

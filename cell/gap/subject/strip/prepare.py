@@ -109,7 +109,9 @@ class PreparedFold:
         height = self.run.contact_height
         model = with_field(hashed.value, "observation.contact_height", height)
         digest = hashed.digest + path.digest + struct.pack("<d", height)
-        return Job(model, path.value, self.resolution, digest)
+        return Job(
+            model=model, path=path.value, resolution=self.resolution, digest=digest
+        )
 
     def correct(
         self, residuals: Residuals, run: FitRun, run_values: Array
@@ -175,7 +177,9 @@ def linearise_folds(
     found = iter(_residuals([*folds, *fold_of_moved], [*jobs, *moved], simulate))
     nominal = [*islice(found, len(pairs))]
     grid_errors = _grid_errors(folds, jobs, nominal, simulate)
-    step_errors = _grid_errors(folds, jobs, nominal, simulate, (MEDIUM,))
+    step_errors = _grid_errors(
+        folds, jobs, residuals=nominal, simulate=simulate, finer=(MEDIUM,)
+    )
 
     linearisations = []
     rows = zip(pairs, nominal, grid_errors, step_errors, strict=True)
@@ -188,7 +192,11 @@ def linearise_folds(
             for effect in scatter
         }
         length = job.model.mechanics.length
-        linearisations.append(Linearisation(frozen(grid_error), doubt, slopes, length))
+        linearisations.append(
+            Linearisation(
+                grid_error=frozen(grid_error), doubt=doubt, slopes=slopes, length=length
+            )
+        )
 
     return linearisations
 
@@ -213,7 +221,11 @@ def _resolve(
     """
     jobs = [*map(PreparedFold.job, folds, models)]
     errors = _grid_errors(
-        folds, jobs, _residuals(folds, jobs, simulate), simulate, (FINE,)
+        folds,
+        jobs,
+        residuals=_residuals(folds, jobs, simulate),
+        simulate=simulate,
+        finer=(FINE,),
     )
     return [
         replace(fold, resolution=MEDIUM) if _is_doubted(fold, error) else fold
@@ -301,11 +313,21 @@ def _fold(run: MeasuredRun, strip: StripFile) -> PreparedFold:
     samples_layout = layout(run, length)
     during = run.t <= run.end + LATER
     path = GripperPath(run.t[during], run.poses[during], run.hanging)
-    residuals = FoldResiduals(run, samples_layout, length, strip.bending_length)
+    residuals = FoldResiduals(
+        run=run,
+        layout=samples_layout,
+        length=length,
+        bending_length=strip.bending_length,
+    )
     no_error = np.zeros(len(samples_layout.samples))
-    exact = Linearisation(no_error, no_error, {}, length)
+    exact = Linearisation(grid_error=no_error, doubt=no_error, slopes={}, length=length)
     lifted = Hashed.of(_lifted_path(path, run))
-    return PreparedFold(Hashed.of(path), lifted, residuals, exact)
+    return PreparedFold(
+        path=Hashed.of(path),
+        lifted_path=lifted,
+        residuals=residuals,
+        linearisation=exact,
+    )
 
 
 def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:

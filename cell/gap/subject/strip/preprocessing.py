@@ -84,7 +84,9 @@ class Midlines(NamedTuple):
         image = np.repeat(np.arange(len(counts)), counts)
         points = np.concatenate([np.empty((0, 2)), *curves])
         s = np.concatenate([[], *places])
-        return cls(frozen(stamps), frozen(points), image, frozen(s))
+        return cls(
+            stamps=frozen(stamps), points=frozen(points), image=image, s=frozen(s)
+        )
 
 
 def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Midlines:

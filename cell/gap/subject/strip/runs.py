@@ -216,7 +216,7 @@ def _read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measu
     _check_motion(folder / TICKS, recorded)
     touch = _touch(folder, recorded)
     if (n := len(recorded.ticks.t)) >= LEAST:
-        notes = tuple(_notes(folder, name, recorded, touch, strip))
+        notes = tuple(_notes(folder, name, run=recorded, touch=touch, strip=strip))
         run = replace(_measured_run(name, recorded, touch, strip), notes=notes)
         return header, _until_touch(run, strip.length)
     if result is not None:

@@ -152,15 +152,15 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
     parameters = _parameters(effect, strip)
     fitted = tuple(p for p in parameters if p.role != "shape")
     return Candidate(
-        effect.name,
-        effect.sentence,
-        effect.of,
-        fitted,
-        _probes(effect, fitted, strip, lifted),
-        effect.revealed_by,
-        UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR,
-        tuple(p for p in parameters if p.role == "shape"),
-        max(_deviations(effect, strip)),
+        name=effect.name,
+        sentence=effect.sentence,
+        of=effect.of,
+        parameters=fitted,
+        probes=_probes(effect, fitted, strip, lifted),
+        revealed_by=effect.revealed_by,
+        model_error=UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR,
+        shape_parameters=tuple(p for p in parameters if p.role == "shape"),
+        usual=max(_deviations(effect, strip)),
     )
 
 

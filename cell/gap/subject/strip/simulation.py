@@ -227,14 +227,14 @@ def _condense(motion: StripMotion, resolution: Resolution) -> SimulatedMotion:
     if not len(shapes):  # the strip is flat
         shapes = np.stack([arc * poses[0, 0], np.zeros_like(arc)], axis=1)[None]
     return SimulatedMotion(
-        t,
-        poses,
-        motion.contact_x,
-        mean_force(t, motion.grip_force),
-        t[0] - dt + SHAPE_PERIOD,
-        shapes.astype(np.float32, copy=False),
-        arc,
-        motion.touch,
+        t=t,
+        poses=poses,
+        contact_x=motion.contact_x,
+        force=mean_force(t, motion.grip_force),
+        begin=t[0] - dt + SHAPE_PERIOD,
+        shapes=shapes.astype(np.float32, copy=False),
+        arc=arc,
+        touch=motion.touch,
     )
 
 

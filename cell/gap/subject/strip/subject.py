@@ -283,7 +283,12 @@ class StripSubject(Subject):
         ready = prepare_runs(runs, strip, self._simulation)
         planned = [(run, run.content.run) for run in ready]
         return [
-            Experiment(run.name, instruction(fold), SET_UP + fold.end / 60.0, run)
+            Experiment(
+                name=run.name,
+                instruction=instruction(fold),
+                minutes=SET_UP + fold.end / 60.0,
+                run=run,
+            )
             for run, fold in planned
         ]
 

@@ -114,11 +114,11 @@ def rod_folds(
     motions = simulate_all(Rod(segments), models, paths, dt=dt, every=every)
     return [
         Fold(
-            path,
-            model,
-            motion,
-            motion.t[every - 1 :: every][: len(motion.shapes)],
-            lattice(model.mechanics.length, segments),
+            path=path,
+            model=model,
+            motion=motion,
+            shape_t=motion.t[every - 1 :: every][: len(motion.shapes)],
+            arc=lattice(model.mechanics.length, segments),
         )
         for path, model, motion in zip(paths, models, motions, strict=True)
     ]
@@ -227,7 +227,9 @@ def write_fold(
         end = min(touch.time + TIME_AFTER_TOUCH, end)
 
     stamps = _stamps(end, lost, rng)
-    points = [_curve(fold, stamp, noise.profile, wild, rng) for stamp in stamps]
+    points = [
+        _curve(fold, stamp, sigma=noise.profile, wild=wild, rng=rng) for stamp in stamps
+    ]
     write_document(folder / RUN, _header(strip, fold, noise))
     write_parquet(folder / TICKS, _ticks(fold, end, stamps, noise, rng))
     write_parquet(folder / PROFILE, _profile(stamps, points))

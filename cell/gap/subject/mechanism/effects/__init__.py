@@ -177,10 +177,10 @@ def _term(
     `size`.
     """
     return MechanismEffect(
-        f"term_{name}",
-        sentence,
-        lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True),
-        "",
+        name=f"term_{name}",
+        sentence=sentence,
+        parameters=lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True),
+        revealed_by="",
         law=law,
         modes=modes,
     )
@@ -192,11 +192,11 @@ TERMS = (
     _term("cubic_spring", "angle^3", _cubic_spring, lambda m: m.torque),
     _term("bent_viscous", "|angle| rate", _bent_viscous, lambda m: m.torque / m.rate),
     _term(
-        "load_dry",
-        "|load| sign(rate)",
-        _load_dry,
-        lambda m: m.torque / m.torque,
-        (PRESCRIBED.name,),
+        name="load_dry",
+        sentence="|load| sign(rate)",
+        law=_load_dry,
+        size=lambda m: m.torque / m.torque,
+        modes=(PRESCRIBED.name,),
     ),
 )
 """Generic joint torques that describe unexplained residuals and are never named as

@@ -62,11 +62,11 @@ def _place_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     spread = LINK_ERROR * max([SHORTEST, *lengths.tolist()])
     return tuple(
         Parameter(
-            f"{axis}_{model.body(i).name or i}",
-            "m",
-            0.0,
-            -10.0 * spread,
-            10.0 * spread,
+            name=f"{axis}_{model.body(i).name or i}",
+            unit="m",
+            start=0.0,
+            low=-10.0 * spread,
+            high=10.0 * spread,
             step=1e-4 * spread,
             spread=spread,
         )
@@ -168,12 +168,12 @@ LINK_INERTIA = MechanismEffect(
     name="link_inertia",
     sentence="links are heavier or lighter than stated, with inertia in proportion",
     parameters=lambda m: errors(
-        "error",
-        "1",
-        [m.model.body(i).name or i for i in _moving_bodies(m)],
-        -0.9,
-        20.0,
-        1.0,
+        key="error",
+        unit="1",
+        names=[m.model.body(i).name or i for i in _moving_bodies(m)],
+        low=-0.9,
+        high=20.0,
+        spread=1.0,
     ),
     edit=_edit_inertia,
     probes=(0.3, 3.0, 30.0),

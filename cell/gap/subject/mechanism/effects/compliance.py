@@ -190,7 +190,16 @@ BASE_COMPLIANCE = MechanismEffect(
     of="rig",
     parameters=_sway_parameters,
     shape=lambda _: (
-        Parameter("damping", "1", DAMPING, 1e-3, 1.0, 1e-4, 0.1, role="shape"),
+        Parameter(
+            name="damping",
+            unit="1",
+            start=DAMPING,
+            low=1e-3,
+            high=1.0,
+            step=1e-4,
+            spread=0.1,
+            role="shape",
+        ),
     ),
     path=_sway_path,
     modes=(PRESCRIBED.name,),

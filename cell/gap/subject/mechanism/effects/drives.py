@@ -43,11 +43,11 @@ def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
         whole = 3.0 * quarter
         orders.append(
             Parameter(
-                f"order_{joint.name}",
-                "1",
-                max(ORDER, whole),
-                quarter,
-                200.0,
+                name=f"order_{joint.name}",
+                unit="1",
+                start=max(ORDER, whole),
+                low=quarter,
+                high=200.0,
                 step=0.01,
                 spread=ORDER,
                 role="shape",
@@ -83,7 +83,18 @@ def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         most = 20.0 * usual
         step = 1e-3 * usual
         name = f"torque_{joint.name}"
-        found.append(Parameter(name, "N m", 0.0, 0.0, most, step, usual, inverse=True))
+        found.append(
+            Parameter(
+                name=name,
+                unit="N m",
+                start=0.0,
+                low=0.0,
+                high=most,
+                step=step,
+                spread=usual,
+                inverse=True,
+            )
+        )
     return tuple(found)
 
 
@@ -100,7 +111,12 @@ TORQUE_CONSTANT = MechanismEffect(
     sentence="motors give another torque for their current than stated",
     of="rig",
     parameters=lambda m: errors(
-        "error", "1", [j.name for j in m.driven.joints], -0.9, 3.0, 0.25
+        key="error",
+        unit="1",
+        names=[j.name for j in m.driven.joints],
+        low=-0.9,
+        high=3.0,
+        spread=0.25,
     ),
     edit=_edit_constant,
     revealed_by="a known weight on the tip",
@@ -163,7 +179,14 @@ ENCODER_BIAS = MechanismEffect(
     name="encoder_bias",
     sentence="encoders read a constant too much or too little",
     of="rig",
-    parameters=lambda m: errors("bias", "rad", m.mode.encoders(m), -0.2, 0.2, 0.03),
+    parameters=lambda m: errors(
+        key="bias",
+        unit="rad",
+        names=m.mode.encoders(m),
+        low=-0.2,
+        high=0.2,
+        spread=0.03,
+    ),
     read="bias",
     modes=MODES,
     revealed_by="hold still in several poses",
@@ -174,7 +197,14 @@ ENCODER_SCALE = MechanismEffect(
     of="rig",
     # discs and gears count exactly, potentiometers and belts are within half a percent;
     # beyond 2 % lines or teeth would be miscounted, which any stop shows
-    parameters=lambda m: errors("scale", "1", m.mode.encoders(m), -0.02, 0.02, 0.005),
+    parameters=lambda m: errors(
+        key="scale",
+        unit="1",
+        names=m.mode.encoders(m),
+        low=-0.02,
+        high=0.02,
+        spread=0.005,
+    ),
     read="scale",
     revealed_by="large motion to both stops",
 )

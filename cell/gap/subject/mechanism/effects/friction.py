@@ -57,7 +57,14 @@ def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
             mechanism, "asymmetry", "1", signs, signed=True, role="shape", high=45.0
         ),
         *per_joint(mechanism, "stribeck_torque", "N m", torque, role="shape"),
-        *shapes(joints, "stribeck_velocity", "rad/s", starts, (0.1, 10.0), 0.01),
+        *shapes(
+            joints,
+            key="stribeck_velocity",
+            unit="rad/s",
+            starts=starts,
+            bounds=(0.1, 10.0),
+            step=0.01,
+        ),
     )
 
 
@@ -87,7 +94,15 @@ def _presliding_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Torques [N m] at which the elastic contacts of each joint begin to slide."""
     starts = 0.05 * mechanism.torque
     bounds = (0.02, 20.0)
-    return shapes(mechanism.joints, "torque", "N m", starts, bounds, 0.02, 2.0)
+    return shapes(
+        mechanism.joints,
+        key="torque",
+        unit="N m",
+        starts=starts,
+        bounds=bounds,
+        step=0.02,
+        spread=2.0,
+    )
 
 
 def _presliding_path(
