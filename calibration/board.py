@@ -238,7 +238,7 @@ def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
         pattern, cmap="gray", interpolation="none", extent=extent, aspect="auto"
     )
     axes.set(xlim=(0, width), ylim=(0, height))
-    _draw_ruler(axes, settings, left, bottom - 6.0, sheet)
+    _draw_ruler(axes, settings, left, y=bottom - 6.0, name=sheet)
     return page, _pointer_page()
 
 

@@ -80,7 +80,15 @@ def open_twin(
     The `plant` may also have effects of the rig. The same `seed` gives the same bytes.
     `index` is the number of runs that this specimen has already been through.
     """
-    desk = open_desk(TwinClock(), settings, plant, seed, index, installation, staging)
+    desk = open_desk(
+        clock=TwinClock(),
+        settings=settings,
+        plant=plant,
+        seed=seed,
+        index=index,
+        installation=installation,
+        staging=staging,
+    )
     (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
     rng = np.random.default_rng(arm_seed)
     arm = TwinArm(

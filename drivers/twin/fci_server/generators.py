@@ -97,13 +97,17 @@ def _cartesian_pose(old: Posture, command: RobotCommand, tool: Array) -> Posture
     if not rigid(command.pose):
         raise Violation(Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_INVALID_FRAME)
     return _cartesian(
-        old, command, command.pose, twist_of(old.pose, command.pose), tool
+        old, command, command.pose, twist=twist_of(old.pose, command.pose), tool=tool
     )
 
 
 def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture:
     return _cartesian(
-        old, command, _advance_pose(old.pose, command.twist), command.twist, tool
+        old,
+        command,
+        pose=_advance_pose(old.pose, command.twist),
+        twist=command.twist,
+        tool=tool,
     )
 
 
@@ -118,7 +122,10 @@ def _cartesian(
     swing = old.swing_to(_elbow(old, command))
     check_swing(old.swing, swing)
     velocity = (
-        joint_step(old.q, old.reached, old.jacobian, pose, float(swing[0])) / TICK
+        joint_step(
+            old.q, old.reached, jac=old.jacobian, target=pose, elbow=float(swing[0])
+        )
+        / TICK
     )
     q = old.q + TICK * velocity
     joints = old.joints.step(velocity)

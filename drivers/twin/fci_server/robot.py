@@ -286,7 +286,11 @@ class EmulatedRobot:
         motion.missed = 0
         try:
             posture = follow(
-                motion.generator, self.posture, command, tool, not motion.started
+                motion.generator,
+                old=self.posture,
+                command=command,
+                tool=tool,
+                first=not motion.started,
             )
             check_tool_position(posture.reached)
             check_ends(

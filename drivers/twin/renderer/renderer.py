@@ -251,7 +251,9 @@ class Renderer:
         if surround.lamp is not None:
             size = (settings.width, settings.height)
             floor = -self._look.thickness / 2
-            gain = arm_shadow(surround.lamp, hand, self._optics, size, floor)
+            gain = arm_shadow(
+                surround.lamp, parts=hand, optics=self._optics, size=size, floor=floor
+            )
             image = scale_brightness(image, gain)
 
         if surround.flicker is not None:
