@@ -164,13 +164,14 @@ class BoardViews:
 
     def _refuse(self, frame: Frame, look: BoardDetection) -> str | None:
         """Reason why an image shows no usable view of the board, or None."""
-        shape = frame.image.shape
         settings = self._settings
-        size = (shape[1], shape[0])
+        height, width, _ = frame.image.shape
+        size = (width, height)
         if size != self._size:
+            expected = "{} x {} px".format(*self._size)
             return (
-                f"the image is {size[0]} x {size[1]} px, the others are {self._size[0]}"
-                f" x {self._size[1]} px; set the camera back"
+                f"the image is {width} x {height} px, the others are {expected};"
+                " set the camera back"
             )
         if look.view is None or look.corners < settings.corners:
             return self._why_undetected(look, size)
@@ -180,11 +181,12 @@ class BoardViews:
                 f"{settings.smallest:.0f} px are needed; come nearer"
             )
 
-        apart = min((look.view.distance(view) for view in self.views), default=np.inf)
-        if apart < settings.distinct:
+        distances = (look.view.distance(taken) for taken in self.views)
+        nearest = min(distances, default=np.inf)
+        if nearest < settings.distinct:
             return (
-                f"a view that differs by only {apart:.0f} px was taken before; move the"
-                " board"
+                f"a view that differs by only {nearest:.0f} px was taken before; move"
+                " the board"
             )
 
         return None

@@ -10,6 +10,7 @@ import numpy as np
 
 from cell.perception.perception import LENGTH_ERROR
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
+from drivers.base.geometry import lengths, running_sums
 from drivers.base.types import Array, Pose
 from drivers.strip.file import StripFile
 
@@ -103,30 +104,30 @@ class LayerTouch:
         gap = np.array([fall.gap for fall in self._falls])
         recent = gap[-RECENT_FALLS:]
         distance = float(np.clip(np.median(recent), *self._distances))
-        level = distance + MARGIN
-        if len(gap) < FEWEST_FALLS or not (recent < level).all():
+        if len(gap) < FEWEST_FALLS or not (recent < distance + MARGIN).all():
             return None
 
-        closing = _closing_time(t, gap, level, distance)
+        # the first signal: the gap closes
+        closing = _closing_time(t, gap, distance + MARGIN, distance)
         if closing is None:
             return None
+        closed, speed = closing
 
-        time, speed = closing
-        if not _falls_slower(t, gap, time, STOP_SHARE * speed):
+        # the second: the fold stops falling, at about that time
+        if not _falls_slower(t, gap, closed, STOP_SHARE * speed):
+            return None
+        disagreement = abs(_end_of_fall(t, gap, closed, speed) - closed) / AGREEMENT
+        if disagreement > LARGEST_RATIO:
             return None
 
-        apart = abs(_end_of_fall(t, gap, time, speed) - time) / AGREEMENT
-        if apart > LARGEST_RATIO:
-            return None
-
-        x, displacement = self._position_at(time, t)
+        x, displacement = self._position_at(closed, t)
         touch = SeenTouch(
-            time=time,
+            time=closed,
             x=x,
             to_grasped=x + displacement,
             to_fixed=x,
             goal=self._goal,
-            confidence=exp(-apart),
+            confidence=exp(-disagreement),
             distance=distance,
         )
         return touch if self._is_a_fold(touch) else None
@@ -141,9 +142,8 @@ class LayerTouch:
         differences = _without_spikes(
             [fall.to_grasped - fall.x for fall in self._falls]
         )
-        return float(np.interp(time, t, positions)), float(
-            np.interp(time, t, differences)
-        )
+        x = float(np.interp(time, t, positions))
+        return x, float(np.interp(time, t, differences))
 
     def _is_a_fold(self, touch: SeenTouch) -> bool:
         """Whether a touch has plausible lengths; touches near the strip's end are
@@ -162,19 +162,20 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
         return None
 
     points = np.vstack([measurement.profile, [(gripper.x, gripper.z)]])
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    # m to the gripper
-    remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
-    tip = np.argmax(points[:, 0])
-    # in the upper layer
-    past_gap = np.flatnonzero(points[tip:, 0] <= gap_x)
+    x, _ = points.T
+    steps = lengths(np.diff(points, axis=0))
+    remaining = running_sums(steps[::-1])[::-1]  # m to the gripper
+
+    # the upper layer leads from the tip back over the gap
+    tip = np.argmax(x)
+    past_gap = np.flatnonzero(x[tip:] <= gap_x)
     if len(past_gap) == 0 or past_gap[0] == 0:
         return None
 
     after = tip + past_gap[0]
     before = after - 1
-    share = (points[before, 0] - gap_x) / (points[before, 0] - points[after, 0])
-    to_grasped = remaining[before] + share * (remaining[after] - remaining[before])
+    fraction = (x[before] - gap_x) / (x[before] - x[after])
+    to_grasped = remaining[before] + fraction * (remaining[after] - remaining[before])
     return Fall(
         time=measurement.stamp,
         gap=measurement.gap,

@@ -305,10 +305,12 @@ class World:
         """First touch of the strip's layers, with the run's time [s]; None before the
         touch.
         """
-        touch = None if self._observed is None else self._observed.touch[0]
-        if touch is None or self._grasped_at is None:
+        if self._observed is None or self._grasped_at is None:
             return None
-        return replace(touch, time=touch.time + self._grasped_at)
+        (since_grasp,) = self._observed.touch  # of the one strip
+        if since_grasp is None:
+            return None
+        return replace(since_grasp, time=since_grasp.time + self._grasped_at)
 
     @property
     def edge_offset(self) -> float:

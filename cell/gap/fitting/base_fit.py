@@ -76,10 +76,13 @@ def effect_responses(
     """
     models = [(base.model, base.shared)]
     for effect, values in effects:
-        shared = np.append(base.shared, effect.complete(np.array(values)))
-        models.append((Model(base.model.base, (effect,)), shared))
-    by_effect = run_one(simulate, responses_to(base, models))
-    return np.array([np.concatenate(by_run) for by_run in by_effect]).T
+        with_effect = Model(base.model.base, (effect,))
+        amounts = effect.complete(np.array(values))
+        models.append((with_effect, np.append(base.shared, amounts)))
+
+    responses = run_one(simulate, responses_to(base, models))
+    columns = [np.concatenate(response_by_run) for response_by_run in responses]
+    return np.stack(columns, axis=1)
 
 
 class Projection(NamedTuple):

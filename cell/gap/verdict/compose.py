@@ -164,12 +164,13 @@ def _posterior(findings: Findings) -> Probable:
     decided.
     """
     posterior = findings.posterior
+    probable_sets = [
+        ProbableSet(names=sorted(found.names), p=found.p)
+        for found in posterior.models[:MOST_SETS]
+    ]
     return Probable(
-        **findings.decision.evidence.model_dump(),
-        models=[
-            ProbableSet(names=sorted(m.names), p=m.p)
-            for m in posterior.models[:MOST_SETS]
-        ],
+        **findings.decision.evidence.model_dump(),  # what decided
+        models=probable_sets,
         inclusion=posterior.inclusion,
         law=findings.law is not None,
     )

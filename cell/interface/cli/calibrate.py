@@ -14,6 +14,7 @@ from cell.interface.cli.output import notice, print_json
 from drivers.base.errors import ConfigurationError, in_mm
 
 if TYPE_CHECKING:
+    from calibration.board import BoardSettings
     from calibration.calibration import Calibration
     from calibration.wizard.lens_verdict import LensVerdict
     from calibration.wizard.touch_verdict import MapVerdict
@@ -134,20 +135,28 @@ def calibrate_camera(
         folder = _session_folder(out, resume, settings.name, "camera")
         settings, devices = _open_devices(settings, "twin", camera)  # no arm is needed
         if measured is None and devices.aids is None and resume is None:
-            raise ConfigurationError(
-                f"--measured: lay a ruler along {settings.boards.columns} squares of"
-                " the board, and state their length;"
-                f" {1e3 * settings.boards.width:.1f}mm are configured"
-            )
-        session = (folder, "camera")
+            raise _unmeasured(settings.boards)
         with wizard_at_terminal(
-            settings, devices, interactive=interactive, session=session, viz=viz
+            settings,
+            devices,
+            interactive=interactive,
+            session=(folder, "camera"),
+            viz=viz,
         ) as wizard:
             verdict = wizard.calibrate_lens(folder, measured)
+
     _print_session(verdict, folder, as_json=as_json)
     if folder is not None and verdict.passed and not as_json:
         print(f"next: cell calibrate homography --lens {quote(str(folder / ROS))}")
     sys.exit(not verdict.passed)
+
+
+def _unmeasured(boards: "BoardSettings") -> ConfigurationError:
+    """Error that the length of a real board was not measured by a ruler."""
+    return ConfigurationError(
+        f"--measured: lay a ruler along {boards.columns} squares of the board, and state"
+        f" their length; {1e3 * boards.width:.1f}mm are configured"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,12 +83,15 @@ class Sums(NamedTuple):
 
     `values` (n, channels) are coverage, brightness and tints times brightness, numbered
     from 1; `pixels` (n,) their flat pixel indices, `numbers` (rows, columns) the number
-    of each pixel's sum, 0 for none.
+    of each pixel's sum, NO_SUM for none.
     """
 
     values: Array
     pixels: Indices
     numbers: NDArray[np.int32]
+
+
+NO_SUM = 0
 
 
 @kernel
@@ -123,16 +126,16 @@ def _gather(
     for k in range(points.shape[1]):
         u = points[0, k] - origin[0]
         v = points[1, k] - origin[1]
-        column = int(u)
-        row = int(v)
-        if u < 0 or v < 0 or column >= columns - 1 or row >= rows - 1:
-            continue
+        left = int(u)
+        top = int(v)
+        if u < 0 or v < 0 or left >= columns - 1 or top >= rows - 1:
+            continue  # outside of the window
 
-        share = _share(points[2, k], u - column, v - row, corner)
+        share = _share(points[2, k], u - left, v - top, corner)
         glow = share * points[3, k]
-        row += corner[0]
-        column += corner[1]
-        if numbers[row, column] == 0:  # its first share
+        row = top + corner[0]
+        column = left + corner[1]
+        if numbers[row, column] == NO_SUM:
             count += 1
             numbers[row, column] = count
             sums.pixels[count] = row * columns + column

@@ -1,6 +1,6 @@
 """Reads a mechanism's file, model and runs, and checks them against one another."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
@@ -410,16 +410,34 @@ def initial_state(
     spread = np.inf if spec.spread is None else spec.spread
     if not spread or spec.settle:
         return ()
-    kinds = ("angle", "rad", 1.0), ("rate", "rad/s", mechanism.pace)
-    rows = zip(kinds, start, strict=True)
-    return tuple(
-        Parameter(
-            f"{name}_{joint.name}",
-            unit,
-            value,
-            step=1e-5 * times,
-            spread=spread * times,
-        )
-        for (name, unit, times), values in rows
-        for joint, value in zip(mechanism.joints, values, strict=True)
+    found = []
+    units = ("rad", 1.0), ("rad/s", mechanism.pace)
+    for names, (unit, times), values in zip(
+        _start_names(mechanism), units, start, strict=True
+    ):
+        for name, value in zip(names, values, strict=True):
+            found.append(
+                Parameter(name, unit, value, step=1e-5 * times, spread=spread * times)
+            )
+    return tuple(found)
+
+
+def stated_start(
+    mechanism: Mechanism, unknowns: Mapping[str, float]
+) -> tuple[Array, ...]:
+    """Start positions and rates (joints,) among the `unknowns` of a run, which
+    `initial_state` has made; none where the file fixes them.
+    """
+    angles, rates = _start_names(mechanism)
+    if angles[0] not in unknowns:
+        return ()
+    return (
+        np.array([unknowns[name] for name in angles]),
+        np.array([unknowns[name] for name in rates]),
     )
+
+
+def _start_names(mechanism: Mechanism) -> tuple[list[str], list[str]]:
+    """Names of the unknown start positions and rates, by joint."""
+    names = [joint.name for joint in mechanism.joints]
+    return [f"angle_{name}" for name in names], [f"rate_{name}" for name in names]

@@ -29,7 +29,7 @@ from cell.gap.subject.mechanism.patch import (
     accepted_xml,
     unsaid,
 )
-from cell.gap.subject.mechanism.read_mechanism import initial_state
+from cell.gap.subject.mechanism.read_mechanism import initial_state, stated_start
 from cell.gap.subject.mechanism.recordings import (
     Cut,
     Recording,
@@ -230,40 +230,42 @@ class MechanismSubject(Subject):
 
     def _case(self, request: SimulationRequest) -> Case:
         """Prediction that a request asks for, with its values in the model's units."""
-        m = self.mechanism
+        mechanism = self.mechanism
         run = request.run
-        local = request.local
         content: Content = run.content
-        count = len(m.base)
-        n = len(m.joints)
-        owners = np.array([p.name.partition(".")[0] for p in self.scope.base])
-        accepted = {name: request.base[owners == name] for name in m.file.effects}
-        known = [
-            (library()[n], values)
-            for n, values in {**accepted, **request.effects}.items()
-        ]
-        pairs = zip(run.local, local, strict=True)
-        unknowns = {p.name: value for p, value in pairs}
-        base = np.array(request.base[:count])
+        names = [p.name for p in run.local]
+        unknowns = dict(zip(names, request.local, strict=True))
+
+        base = np.array(request.base[: len(mechanism.base)])
         for i, source in self._scatter.items():  # a fit leaves some of them out
             base[i] += unknowns.get(source.name, 0.0)
 
-        start = content.start
-        # then `initial_state` made the first unknowns
-        if f"angle_{m.joints[0].name}" in unknowns:
-            start = local[:n], local[n : 2 * n]
-
-        edited = partial(_edited, m, content.load, base, known)
-        moving = [(e.name, v.tobytes()) for e, v in known if e.moves(m) and v.any()]
-        motion = (run.name, *moving, *(x.tobytes() for x in (base, *start)))
+        known = self._known_effects(request)
+        moving = [
+            (effect.name, values.tobytes())
+            for effect, values in known
+            if effect.moves(mechanism) and values.any()
+        ]
+        start = stated_start(mechanism, unknowns) or content.start
+        numbers = [values.tobytes() for values in (base, *start)]
         return Case(
             content=content,
-            edited=edited,
+            edited=partial(_edited, mechanism, content.load, base, known),
             readings=readings_of(known),
             known=known,
             start=start,
-            motion=motion,
+            motion=(run.name, *moving, *numbers),
         )
+
+    def _known_effects(self, request: SimulationRequest) -> Known:
+        """Effects that the file states, then those of a `request`, with their
+        values.
+        """
+        owners = np.array([p.name.partition(".")[0] for p in self.scope.base])
+        stated = self.mechanism.file.effects
+        accepted = {name: request.base[owners == name] for name in stated}
+        every = {**accepted, **request.effects}
+        return [(library()[name], values) for name, values in every.items()]
 
     def draw_measured(self, run: FitRun) -> Scene:
         """Drawing of the measured signals of `run`."""
@@ -317,10 +319,8 @@ class MechanismSubject(Subject):
         whole = _known(alone, {**effects, **rest})
         missing = "; ".join(unsaid(alone, whole))
         remarks = {FORMAT: "mechanism, version 1", NOT_SAID: missing}
-        edited = _edited(
-            m, load=None, base=stated, effects=_known(m, effects), model=m.model
-        )
-        plain = _edited(m=alone, load=None, base=stated, effects=whole, model=m.model)
+        edited = _edited(m, None, stated, effects=_known(m, effects), model=m.model)
+        plain = _edited(alone, None, stated, effects=whole, model=m.model)
         return {
             "model": accepted_xml(m, edited),
             "plain": accepted_xml(m, plain, remarks),

@@ -399,13 +399,13 @@ class FoldResiduals:
 
         Both are empty (0,) where the run measured no touch.
         """
-        run = self.run
-        if not run.touch:
+        measured = self.run.touch
+        if not measured:
             return np.empty(0), np.empty(0)
-        simulated = simulated_touch(run, model, motion)
-        found = _touch_values(simulated) if simulated else np.full(3, np.nan)
-        mean = _touch_values(run.touch) - found
-        return mean, mean**2
+        values = _touch_values(measured)
+        simulated = simulated_touch(self.run, model, motion)
+        residuals = values - (_touch_values(simulated) if simulated else np.nan)
+        return residuals, residuals**2
 
 
 def simulated_touch(

@@ -77,12 +77,12 @@ class Midlines(NamedTuple):
     def of(
         cls, stamps: Sequence[float], curves: Sequence[Array], places: Sequence[Array]
     ) -> Self:
-        """Images at `stamps` (m,) [s] of curves (n, 2) [m] at arc lengths (n,) [m] by
-        image.
+        """Midlines of images at `stamps` (m,) [s]: a curve (n, 2) [m] for each image,
+        its points at the arc lengths `places` (n,) [m].
         """
-        counts = np.array([*map(len, curves)], dtype=np.int64)
-        image = np.repeat(np.arange(len(counts)), counts)
-        points = np.concatenate([np.empty((0, 2)), *curves])
+        counts = [len(curve) for curve in curves]
+        image = np.repeat(np.arange(len(counts)), np.array(counts, dtype=np.int64))
+        points = np.concatenate([np.empty((0, 2)), *curves])  # of no image, too
         s = np.concatenate([[], *places])
         return cls(
             stamps=frozen(stamps), points=frozen(points), image=image, s=frozen(s)
