@@ -101,7 +101,7 @@ def touch_verdict(
     try:
         fit = fit_touches(touches, lens, settings)
     except ConfigurationError as error:
-        held_out = len({t.number for t in touches if t.held_out})
+        held_out = len({touch.number for touch in touches if touch.held_out})
         return TouchVerdict(held_out=held_out, reasons=(str(error),))
     verdict = _compose(fit, settings)
     causes = _causes(touches, fit, settings)

@@ -217,7 +217,9 @@ class GapModel:
         return smallest if gap <= most else None
 
     def _excess_along(self, strengths: Strengths, shares: Array) -> Array:
-        return self.excess([{strengths.effect.name: strengths.at(s)} for s in shares])
+        return self.excess(
+            [{strengths.effect.name: strengths.at(share)} for share in shares]
+        )
 
 
 def _engine_values(name: str, values: Mapping[str, float]) -> Array:

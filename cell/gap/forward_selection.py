@@ -171,7 +171,9 @@ def refit_on_base(
     fits = replace(fits, models=(base, *refitted))
     best = fits.best
     likelihood = fits.likelihood
-    in_reach = [m for m in fits.models if gain(best, m, likelihood) <= BUDGET.reach]
+    in_reach = [
+        model for model in fits.models if gain(best, model, likelihood) <= BUDGET.reach
+    ]
     return search.other_signs(fits, in_reach)
 
 

@@ -123,7 +123,10 @@ class Investigation:
         )
         base_fit = self._judge_base(start)
         self.progress("screen the candidates", 0.12)
-        probes = [run_probes(base_fit.base.estimate, c) for c in self.scope.candidates]
+        probes = [
+            run_probes(base_fit.base.estimate, candidate)
+            for candidate in self.scope.candidates
+        ]
         screen = self._score_candidates(base_fit, run_all(self.simulate, probes))
         return Models(base_fit, screen, Fits((base_fit.base,), screen.library))
 
@@ -193,8 +196,10 @@ class Investigation:
         singles = ranked_singles(equations)
         ratios = {s.names[0]: 2.0 * s.gain / likelihood.inefficiency for s in singles}
         p = {
-            c.name: special.chdtrc(len(c.parameters), ratios.get(c.name, 0.0))
-            for c in self.scope.candidates
+            candidate.name: special.chdtrc(
+                len(candidate.parameters), ratios.get(candidate.name, 0.0)
+            )
+            for candidate in self.scope.candidates
         }
         return Screen(
             probed=probed,
@@ -250,7 +255,7 @@ class Investigation:
             self.subject, self.simulate, fit.model, coarse=fit.runs, start=fit.point
         )
         refined = run_one(self.simulate, validate(fine))
-        models = [refined if m is rough else m for m in fits.models]
+        models = [refined if model is rough else model for model in fits.models]
         return refined, replace(fits, models=models)
 
     def _test_model(
@@ -287,7 +292,11 @@ class Investigation:
         """
         if not accepted.effects:
             return ()
-        others = [m.estimate for m in fits.models if m.effects and m is not accepted]
+        others = [
+            model.estimate
+            for model in fits.models
+            if model.effects and model is not accepted
+        ]
         test = ResidualTest.of(fits.base.estimate, self.rng)
         return test.matching(accepted.estimate, others)
 

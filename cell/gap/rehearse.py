@@ -267,7 +267,7 @@ def page(plan: Plan, records: Sequence[Record]) -> str:
     hidden = []
     empty = []
     rows = []
-    for o in (r.outcome for r in records if r.outcome):
+    for o in (record.outcome for record in records if record.outcome):
         name = o["hidden"]
         if name == NO_EFFECT:
             empty.append(o)
@@ -309,7 +309,7 @@ def write_page(plan: Plan, records: Sequence[Record], folder: Path) -> Path:
     """Write page and outcomes of a rehearsal into `folder`; returns the path of the
     page.
     """
-    outcomes = [dict(r.outcome) for r in records if r.outcome]
+    outcomes = [dict(record.outcome) for record in records if record.outcome]
     replace_file(folder / "rehearsal.json", json.dumps(outcomes, indent=1).encode())
     place = folder / PAGE
     replace_file(place, page(plan, records).encode())

@@ -113,7 +113,11 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
     rates = [rate for rate in mode.rates if rate <= BEST_MODE[2] + RATE_MARGIN] or list(
         mode.rates
     )
-    values = {c.name: c.value for c in camera.controls if c.value is not None}
+    values = {
+        control.name: control.value
+        for control in camera.controls
+        if control.value is not None
+    }
     locks = {name: value for name, value in values.items() if name in WORTH_LOCKING}
     return V4l2Settings(
         device=camera.device,

@@ -102,7 +102,7 @@ def excess_by_quantity(
 ) -> dict[str, float]:
     """Excess residual [noise] of a fit in each displayed quantity, by its key."""
     shown = _display_gaps(estimate.runs, [r**2 for r in estimate.residuals], quantities)
-    units = {q.key: q.factor for q in quantities.values()}
+    units = {quantity.key: quantity.factor for quantity in quantities.values()}
     return {
         key: max((rms / units[key]) ** 2 - 1.0, 0.0) ** 0.5
         for key, rms in shown.items()

@@ -189,7 +189,9 @@ class FitEstimate:
         lacks.
         """
         _, values = self.values
-        return [e for e in self.effects if not e.is_own(values[e.name])]
+        return [
+            effect for effect in self.effects if not effect.is_own(values[effect.name])
+        ]
 
     @property
     def unknowns(self) -> Unknowns:
@@ -271,7 +273,7 @@ class FitEstimate:
         """Copy of the estimate restricted to the runs with the numbers `indices`."""
 
         def pick(by_run: Sequence[T]) -> list[T]:
-            return [by_run[i] for i in indices]
+            return [by_run[index] for index in indices]
 
         return replace(
             self,
@@ -305,7 +307,7 @@ def responses_to(
 
 def best(estimates: Sequence[FitEstimate]) -> FitEstimate:
     """Estimate of smallest objective, compared at the smallest dispersion of all."""
-    scale = min(e.scale for e in estimates)
+    scale = min(estimate.scale for estimate in estimates)
     return min(estimates, key=lambda e: e.objective_at(scale))
 
 

@@ -37,12 +37,12 @@ class Model:
         """Names of the model's effects, joined by ` + `, or `base` where it has
         none.
         """
-        return " + ".join(e.name for e in self.effects) or "base"
+        return " + ".join(effect.name for effect in self.effects) or "base"
 
     @property
     def names(self) -> frozenset[str]:
         """Names of the model's effects, as a set."""
-        return frozenset(e.name for e in self.effects)
+        return frozenset(effect.name for effect in self.effects)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -51,7 +51,9 @@ class Model:
         """
         if self.held is not None:
             return ()
-        return self.base + tuple(p for e in self.effects for p in e.parameters)
+        return self.base + tuple(
+            p for effect in self.effects for p in effect.parameters
+        )
 
     def holding(self, shared: Array) -> "Model":
         """Copy of the model whose shared parameters are fixed at the values `shared`
@@ -64,16 +66,19 @@ class Model:
         its name.
         """
         shared = shared if self.held is None else np.array(self.held)
-        sizes = [len(self.base), *(len(e.parameters) for e in self.effects)]
+        sizes = [len(self.base), *(len(effect.parameters) for effect in self.effects)]
         base, *parts = np.split(shared, np.cumsum(sizes)[:-1])
-        names = (e.name for e in self.effects)
+        names = (effect.name for effect in self.effects)
         return base, dict(zip(names, parts, strict=True))
 
     def join(self, base: Array, effects: dict[str, Array]) -> Array:
         """Shared values (P,) from those of base and `effects` by name, missing ones at
         null.
         """
-        parts = [e.complete(effects.get(e.name, e.null)) for e in self.effects]
+        parts = [
+            effect.complete(effects.get(effect.name, effect.null))
+            for effect in self.effects
+        ]
         return np.concatenate([base, *parts])
 
 
@@ -106,8 +111,8 @@ def requests(
 ) -> list[SimulationRequest]:
     """Requests to simulate each of `runs` by `model` at the values `point`."""
     return [
-        request(model, r, point.shared, v)
-        for r, v in zip(runs, point.local, strict=True)
+        request(model, run, point.shared, v)
+        for run, v in zip(runs, point.local, strict=True)
     ]
 
 

@@ -320,7 +320,7 @@ def with_spreads(runs: Sequence[FitRun], spreads: Sequence[Spread]) -> list[FitR
     """Copies of `runs` with `spreads` as priors of random unknowns; others are
     removed.
     """
-    by_name = {s.name: s.value for s in spreads}
+    by_name = {spread.name: spread.value for spread in spreads}
     found = []
     for run in runs:
         known = [replace(p, spread=by_name.get(p.name, p.spread)) for p in run.local]

@@ -79,7 +79,9 @@ def _run_tab(run: RunScenes) -> Any:
     name = run.name
     root = _root(name)
     title = f"{name} (held out)" if run.held_out else name
-    signals = (s.title for drawn in run.scenes.values() for s in drawn.signals)
+    signals = (
+        signal.title for drawn in run.scenes.values() for signal in drawn.signals
+    )
     plots = [saving.curves(_signal(root, s), s) for s in dict.fromkeys(signals)]
     verdict = rrb.TextDocumentView(origin="/verdict", name="verdict")
     if not run.measured.curve:

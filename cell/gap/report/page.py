@@ -225,7 +225,10 @@ def _held_out_rows(findings: Findings, gap: Gap) -> Iterator[tuple[str, ...]]:
     fits = findings.held_out_fits.by_key
     sides = [*(getattr(gap, word) for word in fits), gap.floor]
     beyond = [held_out_gap.excess_by_quantity(fit, quantities) for fit in fits.values()]
-    words = {q.key: f"{quantity_label(q)} [{q.unit}]" for q in quantities.values()}
+    words = {
+        quantity.key: f"{quantity_label(quantity)} [{quantity.unit}]"
+        for quantity in quantities.values()
+    }
     for key in (key for key in beyond[0] if key in gap.before):
         rms = (f"{side[key]:.3g}" for side in sides)
         yield words[key], *rms, " then ".join(f"{side[key]:.2g}" for side in beyond)

@@ -121,9 +121,10 @@ def _name_effects(findings: Findings, verdict: Verdict) -> str:
     """Sentence on the named effects, with doubts about them."""
     known = findings.scope.by_name
     effects = ", and ".join(
-        f"{known[e.name].sentence} ({e.name}: {_parameter_values(e.parameters)}"
-        + (f"; {percent(e.confidence)} probable)" if verdict.effects[1:] else ")")
-        for e in verdict.effects
+        f"{known[effect.name].sentence} ({effect.name}:"
+        f" {_parameter_values(effect.parameters)}"
+        + (f"; {percent(effect.confidence)} probable)" if verdict.effects[1:] else ")")
+        for effect in verdict.effects
     )
     text = f"{effects}."
     if alike := verdict.ambiguous:
@@ -142,7 +143,10 @@ def _ambiguity(findings: Findings, verdict: Verdict) -> str:
     """Sentence on effects that the runs cannot tell apart, and what would separate
     them.
     """
-    sentences = {c.name: f"{c.sentence} ({c.name})" for c in findings.scope.candidates}
+    sentences = {
+        candidate.name: f"{candidate.sentence} ({candidate.name})"
+        for candidate in findings.scope.candidates
+    }
     sentences |= {
         p.name: f"the file is wrong about {p.name}" for p in findings.scope.base
     }
@@ -206,7 +210,7 @@ def _parameter_values(parameters: dict[str, Interval]) -> str:
 def undetectable_effects(findings: Findings) -> list[str]:
     """Names of effects that no possible size would make detectable in these runs."""
     limits = findings.screen.detectable | {
-        e.name: 0.0 for e in findings.accepted.effects
+        effect.name: 0.0 for effect in findings.accepted.effects
     }
     return sorted(name for name, size in limits.items() if size is None)
 

@@ -49,7 +49,7 @@ def held_out(
     if not indices and len(conditions) > 1:
         indices = conditions[1]
 
-    return [names[i] for i in indices]
+    return [names[index] for index in indices]
 
 
 def _dispensable_runs(conditions: Sequence[list[int]], loss: Loss) -> list[int]:
@@ -88,12 +88,15 @@ def _information_loss(subject: Subject, simulate: Simulate) -> Loss:
     what it can.
     """
     stated = stated_estimate(subject, simulate)
-    middle = [(c, c.probes[len(c.probes) // 2][0]) for c in subject.scope.candidates]
+    middle = [
+        (candidate, candidate.probes[len(candidate.probes) // 2][0])
+        for candidate in subject.scope.candidates
+    ]
     responses = stated.by_run(effect_responses(simulate, stated, middle))
 
     def information(indices: Sequence[int]) -> Array:
         absorbing = projection(stated.on(indices), robustly=False)
-        response = np.concatenate([responses[i] for i in indices])
+        response = np.concatenate([responses[index] for index in indices])
         nats: Array = 0.5 * (response * absorbing.unabsorbed(response)).sum(axis=0)
         return nats
 

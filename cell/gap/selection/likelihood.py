@@ -33,7 +33,9 @@ class LikelihoodScale(NamedTuple):
 
 def best_fitting(models: Sequence[CrossValidatedFit]) -> FitEstimate:
     """Estimate of that one of `models` that fits best: by dispersion, then by loss."""
-    return min((m.estimate for m in models), key=lambda fit: (fit.scale, fit.objective))
+    return min(
+        (model.estimate for model in models), key=lambda fit: (fit.scale, fit.objective)
+    )
 
 
 def likelihood_scale(models: Sequence[CrossValidatedFit]) -> LikelihoodScale:
@@ -76,7 +78,7 @@ class Fits:
     @property
     def base(self) -> CrossValidatedFit:
         """Fitted model without any effect."""
-        return next(m for m in self.models if not m.effects)
+        return next(model for model in self.models if not model.effects)
 
     @property
     def likelihood(self) -> LikelihoodScale:
@@ -88,14 +90,15 @@ class Fits:
     def of_size(self, size: int) -> list[CrossValidatedFit]:
         """Models of `size` effects, the one that predicts best first."""
         return _by_loss(
-            [m for m in self.models if len(m.effects) == size], self.likelihood
+            [model for model in self.models if len(model.effects) == size],
+            self.likelihood,
         )
 
     def of(self, names: frozenset[str]) -> CrossValidatedFit | None:
         """Fitted model with exactly the effects `names`; None where there is no such
         model.
         """
-        return next((m for m in self.models if m.names == names), None)
+        return next((model for model in self.models if model.names == names), None)
 
     @property
     def best(self) -> CrossValidatedFit:
@@ -108,7 +111,10 @@ class Fits:
         """Models of `size` effects with more than GAIN_SHARE of the best one's gain."""
         if not size:
             return []
-        nats = [(m, gain(m, self.base, self.likelihood)) for m in self.of_size(size)]
+        nats = [
+            (model, gain(model, self.base, self.likelihood))
+            for model in self.of_size(size)
+        ]
         most = max((n for _, n in nats), default=0.0)
         return [m for m, n in nats if n > GAIN_SHARE * most]
 
@@ -116,7 +122,7 @@ class Fits:
         """Copy with the models `more` added; of two with equal effects the better fit
         is kept.
         """
-        merged = {m.names: m for m in self.models}
+        merged = {model.names: model for model in self.models}
         for m in more:
             earlier = merged.get(m.names)
             fit = m.estimate

@@ -155,7 +155,7 @@ class Posterior(NamedTuple):
 
     def lead(self, names: frozenset[str]) -> float:
         """Log posterior odds [nats] of the set `names` against no effect."""
-        nats = {m.names: m.nats for m in self.models}
+        nats = {model.names: model.nats for model in self.models}
         return nats[names] - nats[frozenset()]
 
 
@@ -169,7 +169,10 @@ def posterior(
     common = _SharedTerms.of(fits, likelihood, prior)
     chance = prior.expected / max(len(fits.library), 2.0 * prior.expected)
     odds = special.logit(chance)
-    nats = [common.evidence(m.estimate) + odds * len(m.effects) for m in fits.models]
+    nats = [
+        common.evidence(model.estimate) + odds * len(model.effects)
+        for model in fits.models
+    ]
     shares = special.softmax(nats)
     rows = zip(fits.models, nats, shares, strict=True)
     models = [
@@ -238,7 +241,9 @@ class _SharedTerms(NamedTuple):
         """
         base = fits.base.estimate
         scale = likelihood.scale
-        best = min((m.estimate for m in fits.models), key=lambda fit: fit.objective)
+        best = min(
+            (model.estimate for model in fits.models), key=lambda fit: fit.objective
+        )
         r, _ = _in_units_of(base, best)
         weights = robust.weights(r / scale) / likelihood.inefficiency
         weight = np.sqrt(weights) / scale

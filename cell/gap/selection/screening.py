@@ -101,7 +101,9 @@ def fit_starts(
     """
     origin = score.origin or base
     held = {effect.name: effect for effect in origin.effects}
-    versions = ((c, held.get(c.name, c)) for c in candidates)
+    versions = (
+        (candidate, held.get(candidate.name, candidate)) for candidate in candidates
+    )
     freest = [max(both, key=lambda effect: len(effect.parameters)) for both in versions]
     model = _with_effects(base.model, score.names, freest)
     shared, _ = origin.values
@@ -118,7 +120,10 @@ def _with_effects(
     """Model of the base of `model` and those of `candidates` that have `names`, in
     their order.
     """
-    return Model(model.base, tuple(c for c in candidates if c.name in names))
+    return Model(
+        model.base,
+        tuple(candidate for candidate in candidates if candidate.name in names),
+    )
 
 
 def _secants(origin: FitEstimate, model: Model, score: Score) -> Sequence[Array] | None:
@@ -132,8 +137,8 @@ def _secants(origin: FitEstimate, model: Model, score: Score) -> Sequence[Array]
     stacked = np.concatenate([jacobian[:, :count] for jacobian in jacobians])
     base, of_origin = origin.model.split(stacked.T)
     by_effect = {name: secants.T for name, secants in score.secants.items()} | of_origin
-    rows = [by_effect.get(e.name, stacked[:0]) for e in model.effects]
-    sizes = [len(e.parameters) for e in model.effects]
+    rows = [by_effect.get(effect.name, stacked[:0]) for effect in model.effects]
+    sizes = [len(effect.parameters) for effect in model.effects]
     if [*map(len, rows)] != sizes or not origin.names <= model.names:
         return None
 
@@ -173,7 +178,9 @@ class ProbeResponses(NamedTuple):
     @property
     def dead(self) -> bool:
         """Whether the effect changes nothing in these runs at any of its probes."""
-        return all(np.abs(d).max(initial=0.0) < DEAD for d in self.responses)
+        return all(
+            np.abs(response).max(initial=0.0) < DEAD for response in self.responses
+        )
 
     @property
     def has_threshold(self) -> bool:
@@ -205,7 +212,7 @@ def run_probes(base: FitEstimate, candidate: Candidate) -> Task[ProbeResponses]:
     groups = (_steps_from_null(candidate), *probes)
     vectors = [candidate.null, *(v for group in groups for v in group)]
     by_run = yield from responses_to(
-        base, [(model, np.append(base.shared, v)) for v in vectors]
+        base, [(model, np.append(base.shared, vector)) for vector in vectors]
     )
     columns = iter([np.concatenate(each) for each in by_run])
     stacked = [np.array(list(islice(columns, len(group)))).T for group in groups]
@@ -277,7 +284,7 @@ def ranked_pairs(
     """
     scores = [_score(equations, pair) for pair in combinations(equations.probed, 2)]
     scores.sort(key=lambda s: (-s.gain, s.names))
-    return [s for s in scores[:among] if s.gain > least]
+    return [score for score in scores[:among] if score.gain > least]
 
 
 def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Score:
@@ -286,11 +293,11 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
 
     The amounts solve a quadratic programme, one-sided where physics fixes the sign.
     """
-    best = Score(tuple(p.name for p in members), 0.0, {})
+    best = Score(tuple(member.name for member in members), 0.0, {})
     values_at_best: dict[str, Array] = {}
     best_probe: dict[str, Array] = {}  # as it is, unscaled
     probe_gain = 0.0
-    for choice in np.ndindex(*(len(p.groups) for p in members)):
+    for choice in np.ndindex(*(len(member.groups) for member in members)):
         mix, gain, values = _best_mix(equations, members, choice)
         if mix.gain > best.gain:
             best = mix
@@ -301,7 +308,9 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
             best_probe = values
 
     if probe_gain <= LEAST_SHARE * best.gain:
-        best_probe = values_at_best if any(p.has_threshold for p in members) else {}
+        best_probe = (
+            values_at_best if any(member.has_threshold for member in members) else {}
+        )
 
     return replace(
         best,
@@ -309,7 +318,7 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
         opposite_sign=(
             _opposite_sign(equations, members[0], best) if len(members) == 1 else None
         ),
-        secants={p.name: p.secants for p in members},
+        secants={member.name: member.secants for member in members},
     )
 
 
@@ -360,7 +369,7 @@ def _best_mix(
     """Score of the best mix of probe groups `choice`; gain and values (k,) at amounts 1
     or -1.
     """
-    names = tuple(p.name for p in members)
+    names = tuple(member.name for member in members)
     chosen = list(zip(members, choice, strict=True))
     columns = np.concatenate([equations.columns[p.name, group] for p, group in chosen])
 

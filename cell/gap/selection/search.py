@@ -93,7 +93,7 @@ class Search:
             tasks.append(_best_short_fit(base, model, points, incumbent))
         started = [e for e in run_all(simulate, tasks) if e]
         estimates = [*(m.estimate for m in fits.models), *started]
-        dispersion = min(e.scale for e in estimates)
+        dispersion = min(estimate.scale for estimate in estimates)
         largest = _gain_over(base, best(estimates), dispersion)
 
         def refined(fit: FitEstimate) -> Task[FitEstimate]:
@@ -113,7 +113,7 @@ class Search:
         """
         likelihood = fits.likelihood
         expected: dict[tuple[str, ...], tuple[float, Score]] = {}
-        for fit in (m.estimate for m in models):
+        for fit in (model.estimate for model in models):
             before = fit.objective_at(likelihood.scale)
             unit = (fit.scale / likelihood.scale) ** 2
             for score in self._screen_further(fits, fit):
@@ -168,12 +168,14 @@ class Search:
         another effect.
         """
         tasks = []
-        for m in models:
-            for effect in m.effects:
-                beside = fits.of(m.names - {effect.name})
+        for model in models:
+            for effect in model.effects:
+                beside = fits.of(model.names - {effect.name})
                 is_placed = not all(p.is_amount for p in effect.parameters)
                 if beside and is_placed and effect.two_sided:
-                    tasks.append(_with_other_sign(m.estimate, effect, beside.estimate))
+                    tasks.append(
+                        _with_other_sign(model.estimate, effect, beside.estimate)
+                    )
         finished = [e for e in run_all(self.simulate, tasks) if e]
         return fits.merge(run_all(self.simulate, [*map(validate, finished)]))
 
@@ -184,7 +186,9 @@ class Search:
         of them.
         """
         near_best = fits.near_best(len(fits.best.effects))
-        plain = [m for m in near_best if any(e.shape_parameters for e in m.effects)]
+        plain = [
+            m for m in near_best if any(effect.shape_parameters for effect in m.effects)
+        ]
         ends = run_all(self.simulate, [_with_free_shape(m.estimate) for m in plain])
         validated = run_all(self.simulate, [*map(validate, ends)])
         likelihood = fits.likelihood
@@ -200,8 +204,10 @@ class Search:
         """Candidate effects, with free shape parameters if a model of one effect was
         fitted so.
         """
-        fitted = {e.name: e for m in fits.of_size(1) for e in m.effects}
-        return [fitted.get(c.name, c) for c in self.candidates]
+        fitted = {
+            effect.name: effect for model in fits.of_size(1) for effect in model.effects
+        }
+        return [fitted.get(candidate.name, candidate) for candidate in self.candidates]
 
     def _screen_further(self, fits: Fits, fit: FitEstimate) -> list[Score]:
         """Scores of the effects to add to `fit`, probed at its values, the largest gain
@@ -301,8 +307,8 @@ def _nearly_best(
     included.
     """
     estimates = [*begun, reference]
-    dispersion = min(e.scale for e in estimates)
-    gains = [_gain_over(base, e, dispersion) for e in estimates]
+    dispersion = min(estimate.scale for estimate in estimates)
+    gains = [_gain_over(base, estimate, dispersion) for estimate in estimates]
     in_reach = [gain >= BUDGET.share * max(gains) for gain in gains]
     return [e for e, promising in zip(begun, in_reach, strict=False) if promising]
 
@@ -366,7 +372,9 @@ def _with_free_shape(fit: FitEstimate) -> Task[FitEstimate]:
     They begin off their start by a share of their prior spread: at it some do nothing
     yet.
     """
-    model = replace(fit.model, effects=tuple(e.with_shape() for e in fit.effects))
+    model = replace(
+        fit.model, effects=tuple(effect.with_shape() for effect in fit.effects)
+    )
     shared, fixed = fit.values
     values = {}
     for e in model.effects:

@@ -323,7 +323,7 @@ class Scope:
     @property
     def by_name(self) -> Mapping[str, Candidate]:
         """Candidate effects by name."""
-        return {c.name: c for c in self.candidates}
+        return {candidate.name: candidate for candidate in self.candidates}
 
     def withhold(self, names: Sequence[str], known: Collection[str]) -> "Scope":
         """Copy without the candidate effects `names`, all of which must be `known`
@@ -338,7 +338,9 @@ class Scope:
                 raise ConfigurationError(
                     f"without {name}: is no effect; allowed: {allowed}"
                 )
-        kept = tuple(c for c in self.candidates if c.name not in names)
+        kept = tuple(
+            candidate for candidate in self.candidates if candidate.name not in names
+        )
         if names and not kept:
             raise ConfigurationError(
                 "every effect is withheld; leave at least one in the library"

@@ -56,7 +56,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
     is_sound = decision.kind == "no_gap"
     return Verdict(
         verdict=decision.kind,
-        effects=[e for e in effects if e.name in decision.named],
+        effects=[effect for effect in effects if effect.name in decision.named],
         ambiguous=[] if is_sound else [[*group] for group in tests.classes],
         unexplained=_unexplained(findings),
         base={n: v.model_copy(update={"unit": ""}) for n, v in values["base"].items()},
@@ -64,7 +64,9 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
         gap=_gap(findings),
         candidates=_candidates(findings),
         advice=[
-            e for e in findings.experiments if e.expected_sigma >= LEAST_SEPARATION
+            experiment
+            for experiment in findings.experiments
+            if experiment.expected_sigma >= LEAST_SEPARATION
         ],
         detectable={
             k: v for k, v in findings.screen.detectable.items() if v is not None
@@ -73,7 +75,11 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
         runtime=runtime,
         simulations=simulations,
         posterior=_posterior(findings),
-        suspected=[e for e in effects if e.name not in decision.named and not is_sound],
+        suspected=[
+            effect
+            for effect in effects
+            if effect.name not in decision.named and not is_sound
+        ],
         notes=_notes(findings),
         untested=list(_untested(findings)) if decision.kind in NAMELESS else [],
     )
@@ -91,7 +97,7 @@ def intervals(
     spread = np.sqrt(np.diag(covariance(estimate, inefficiency)))
     reach = special.stdtrit(degrees_of_freedom(estimate, inefficiency, scatter), 0.975)
     owners = {"base": estimate.model.base}
-    owners |= {e.name: e.parameters for e in estimate.effects}
+    owners |= {effect.name: effect.parameters for effect in estimate.effects}
     numbers = zip(estimate.shared, reach * spread, strict=False)
     return {
         owner: {p.name: _interval(p, *map(float, next(numbers))) for p in parameters}
@@ -181,12 +187,17 @@ def _candidates(findings: Findings) -> list[CandidateEntry]:
     screened.
     """
     fits = findings.fits
-    fitted = {m.name: m for m in fits.models if m.effects}
+    fitted = {model.name: model for model in fits.models if model.effects}
     raw = {
         name: likelihood_ratio_p(m, fits.base, findings.likelihood)
         for name, m in fitted.items()
     }
-    p = raw | holm({c.name: raw.get(c.name, 1.0) for c in findings.scope.candidates})
+    p = raw | holm(
+        {
+            candidate.name: raw.get(candidate.name, 1.0)
+            for candidate in findings.scope.candidates
+        }
+    )
     rows = [_compare_with_base(findings, m, p[name]) for name, m in fitted.items()]
     scores = {score.names[0]: score for score in findings.screen.singles}
     rows += [
@@ -211,9 +222,9 @@ def _compare_with_base(
     estimate = tests.sized if model is findings.accepted else model.estimate
     values = intervals(estimate, likelihood.inefficiency, tests.scatter)
     parameters = {
-        f"{e.name}.{name}" if len(effects) > 1 else name: value
-        for e in effects
-        for name, value in values[e.name].items()
+        f"{effect.name}.{name}" if len(effects) > 1 else name: value
+        for effect in effects
+        for name, value in values[effect.name].items()
     }
     return CandidateEntry(
         name=model.name,

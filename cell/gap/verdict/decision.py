@@ -107,12 +107,12 @@ def _amounts_at_ends(results: FitResults) -> dict[str, list[str]]:
     fit = results.accepted.estimate
     _, values = fit.values
     ends = {
-        e.name: [
+        effect.name: [
             p.name
-            for p, value in zip(e.parameters, values[e.name], strict=True)
+            for p, value in zip(effect.parameters, values[effect.name], strict=True)
             if p.is_amount and value in (p.low, p.high) and value != p.start
         ]
-        for e in fit.effects
+        for effect in fit.effects
     }
     return {name: amounts for name, amounts in ends.items() if amounts}
 
@@ -387,7 +387,7 @@ def describe_left(findings: Findings) -> str:
     quantities = findings.quantities
     after = held_out_gap.sizes(findings.held_out_fits.after, quantities)
     noise = held_out_gap.floor(findings.held_out_fits.before.runs, quantities)
-    units = {q.key: q.unit for q in quantities.values()}
+    units = {quantity.key: quantity.unit for quantity in quantities.values()}
     sizes = ", ".join(
         f"{after[key]:.3g} {unit} of {key.rsplit('_', 1)[0]} (noise {noise[key]:.2g})"
         for key, unit in units.items()

@@ -165,7 +165,9 @@ class FitResults:
     def separable(self) -> list[Candidate]:
         """Accepted effects that the runs tell apart from all others."""
         doubtful = {name for group in self.model_tests.classes for name in group}
-        return [e for e in self.accepted.effects if e.name not in doubtful]
+        return [
+            effect for effect in self.accepted.effects if effect.name not in doubtful
+        ]
 
 
 class DecidedVerdict(NamedTuple):

@@ -77,13 +77,13 @@ def offered_law(
 def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
     """Copy of `fits` with laws of up to MOST_TERMS terms, chosen by a linear screen."""
     base = fits.base.estimate
-    terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
-    probed = run_all(simulate, [run_probes(base, t) for t in terms])
+    terms = [term for term in subject.scope.terms if len(term.parameters) == 1]
+    probed = run_all(simulate, [run_probes(base, term) for term in terms])
     equations = probe_equations(projection(base), probed)
     scores = [*ranked_singles(equations)[:SINGLES], *ranked_pairs(equations, PAIRS)]
     fits = Search(simulate, terms, probed).fit_scored_models(fits, scores)
     # a term is linear in its amount: beside others its response at null is enough
-    search = Search(simulate, [replace(t, probes=()) for t in terms], probed)
+    search = Search(simulate, [replace(term, probes=()) for term in terms], probed)
     for size in range(1, MOST_TERMS):
         fits = search.extend(fits, fits.near_best(size)[:1])
 
@@ -111,7 +111,7 @@ def _offer(fit: FitEstimate, shrink: float) -> OfferedLaw:
     base = {p.name: p.stated_value(v) for p, v in pairs}
     amounts = {name: float(amount) for name, (amount,) in terms.items()}
     words = " ".join(
-        f"{amount:+.3g} {e.parameters[0].unit} x {e.sentence}"
-        for e, amount in zip(fit.effects, amounts.values(), strict=True)
+        f"{amount:+.3g} {effect.parameters[0].unit} x {effect.sentence}"
+        for effect, amount in zip(fit.effects, amounts.values(), strict=True)
     )
     return OfferedLaw(base=base, terms=amounts, words=words, shrink=shrink)

@@ -286,7 +286,8 @@ class Verdict(VerdictPart):
         """
         base = {name: v.value for name, v in self.base.items()}
         return base, {
-            e.name: {k: v.value for k, v in e.parameters.items()} for e in effects
+            effect.name: {k: v.value for k, v in effect.parameters.items()}
+            for effect in effects
         }
 
     def __str__(self) -> str:

@@ -154,8 +154,8 @@ def calibrate_camera(
 def _unmeasured(boards: "BoardSettings") -> ConfigurationError:
     """Error that the length of a real board was not measured by a ruler."""
     return ConfigurationError(
-        f"--measured: lay a ruler along {boards.columns} squares of the board, and state"
-        f" their length; {1e3 * boards.width:.1f}mm are configured"
+        f"--measured: lay a ruler along {boards.columns} squares of the board, and"
+        f" state their length; {1e3 * boards.width:.1f}mm are configured"
     )
 
 

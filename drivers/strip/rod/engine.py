@@ -67,7 +67,9 @@ class Rod:
         check(models)
         self._batch = flat_batch(models, self._segments)
         self._begin()
-        if start is None and any(m.mechanics.length != m.stated_length for m in models):
+        if start is None and any(
+            model.mechanics.length != model.stated_length for model in models
+        ):
             self._fit_length(models)
             self._begin()
         elif start is not None:

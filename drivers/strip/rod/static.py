@@ -80,7 +80,9 @@ def _rigid_nature(batch: Batch, models: Sequence[StripModel]) -> Array:
     """Coefficients, as `batch.nature`, of the same strips without stretch and
     sliding.
     """
-    stiff = [with_field(m, "mechanics.stretch_stiffness", np.inf) for m in models]
+    stiff = [
+        with_field(model, "mechanics.stretch_stiffness", np.inf) for model in models
+    ]
     nature: Array = flat_batch(stiff, batch.arc.shape[1] - 1).nature
     if batch.terms:
         nature[:, :, [at.GRIPPED, at.CLING]] = np.inf

@@ -148,7 +148,7 @@ class MechanismEffect:
         start.
         """
         missing = starts(self.with_shape(mechanism)[len(values) :])
-        acts = [j.actuator >= 0 or not self.of_drives for j in mechanism.joints]
+        acts = [joint.actuator >= 0 or not self.of_drives for joint in mechanism.joints]
         rows = np.concatenate([values, missing]).reshape(-1, sum(acts))
         table = np.zeros((len(rows), len(acts)))
         table[:, acts] = rows

@@ -115,14 +115,14 @@ def along_motion(mechanism: Mechanism) -> Mechanism | None:
     signals = (*measured, *(_commanded(model, motor) for motor in motors))
 
     recordings = []
-    for r in m.recordings:
-        read = r.columns
+    for recording in m.recordings:
+        read = recording.columns
         known = {joint: read[name] for joint, name in columns.items()}
         known |= {s.name: read[s.name] for s in measured}
         for motor in motors:
             name = motor.name
             known[f"{name} {COMMAND}"] = motor.gainprm[0] * read[name]
-        recordings.append(replace(r, columns=known))
+        recordings.append(replace(recording, columns=known))
 
     inputs = dict.fromkeys(columns, "position")
     file = m.file.model_copy(update={"mode": PRESCRIBED.name, "inputs": inputs})
@@ -165,7 +165,9 @@ class SplitModel:
             edit=self._add_flexible_joints,
         )
         split.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-        self.motor = np.array([split.joint(j.name).id for j in mechanism.joints])
+        self.motor = np.array(
+            [split.joint(joint.name).id for joint in mechanism.joints]
+        )
         self._flex = np.setdiff1d(np.arange(split.njnt), self.motor)
         for field in ("dof_armature", "dof_frictionloss", "dof_dampingpoly"):
             # whatever the model's defaults are
@@ -423,7 +425,7 @@ class ForwardDynamics(MechanismSubject):
         state = ("qpos", "qvel")
         batch = Batch(first, len(models), self._jobs)
         batch.set_models(models)
-        start = np.array([c.start for c in cases])
+        start = np.array([case.start for case in cases])
         for name, values in zip(state, start.swapaxes(0, 1), strict=True):
             batch.bind(name)[:, into] = values
 

@@ -65,7 +65,9 @@ class InverseDynamics(MechanismSubject):
         self._model.jnt_actgravcomp[:] = 0
         inputs = mechanism.file.inputs
         joints = mechanism.joints
-        given = [i for i, j in enumerate(joints) if inputs.get(j.name) == "position"]
+        given = [
+            i for i, joint in enumerate(joints) if inputs.get(joint.name) == "position"
+        ]
         compared = [s.joint for s in mechanism.compared("torque")]
         loop = (
             ClosedLoops(model=model, inputs=given, compared=compared, origin=origin)
@@ -74,7 +76,9 @@ class InverseDynamics(MechanismSubject):
         )
         self._loop = loop
         if not loop and len(given) < model.njnt:
-            missing = next(j.name for i, j in enumerate(joints) if i not in given)
+            missing = next(
+                joint.name for i, joint in enumerate(joints) if i not in given
+            )
             raise ConfigurationError(
                 f"{origin}: inputs.{missing}: is missing; in mode prescribed every"
                 " joint's motion is given: add it as position"
@@ -165,7 +169,7 @@ class InverseDynamics(MechanismSubject):
         """Content of a run with its motion: filtered torques, without those near
         gaps.
         """
-        names = [s.name for s in self.mechanism.signals]
+        names = [signal.name for signal in self.mechanism.signals]
         motion = motion_of(
             recording,
             self._joints,
@@ -207,10 +211,10 @@ class InverseDynamics(MechanismSubject):
 
         limited = np.append(joint_limited, model.tendon_limited > 0)
         barred = ((at < low + edge) | (at > high - edge)) @ limited
-        for s, row in zip(self._sensors, measured, strict=False):
-            if model.jnt_actfrclimited[s.joint]:
-                low, high = (1.0 - NEAR) * model.jnt_actfrcrange[s.joint]
-                torque = s.gear * row
+        for sensor, row in zip(self._sensors, measured, strict=False):
+            if model.jnt_actfrclimited[sensor.joint]:
+                low, high = (1.0 - NEAR) * model.jnt_actfrcrange[sensor.joint]
+                torque = sensor.gear * row
                 barred = barred | (torque < low) | (torque > high)
 
         return np.asarray(barred, dtype=bool)
@@ -268,7 +272,9 @@ class InverseDynamics(MechanismSubject):
             for torques in (motion.torques, self._along(case))
         )
         q, v, a = (x[known].T for x in (motion.q, motion.v, motion.a))
-        rows = zip([s.joint for s in self._sensors], measured, stated, strict=False)
+        rows = zip(
+            [sensor.joint for sensor in self._sensors], measured, stated, strict=False
+        )
         return [
             JointTorques(
                 t=t[known],
@@ -425,8 +431,9 @@ class InverseDynamics(MechanismSubject):
         act.
         """
         rows = [
-            self._joint_torque(forces, s, required) / self._torque_per_reading(model, s)
-            for s in self._sensors
+            self._joint_torque(forces, sensor, required)
+            / self._torque_per_reading(model, sensor)
+            for sensor in self._sensors
         ]
         return np.array(rows)
 

@@ -181,7 +181,10 @@ class MechanismFile(VersionedFile):
     @model_validator(mode="after")
     def _mode(self) -> Self:
         """Refuse signals and inputs that do not belong to the mode."""
-        found = {*(s.is_ for s in self.signals.values()), *["cell"] * self.cell}
+        found = {
+            *(signal.is_ for signal in self.signals.values()),
+            *["cell"] * self.cell,
+        }
         found |= {f"inputs: {kind}" for kind in self.inputs.values()}
         for needed, what, reason in RULES[self.mode]:
             if (what in found) != needed:

@@ -165,7 +165,7 @@ class Mechanism:
         """Compared signals of a `kind`; in mode prescribed torques come first, then
         trackings.
         """
-        return tuple(s for s in self.signals if s.kind == kind)
+        return tuple(signal for signal in self.signals if signal.kind == kind)
 
     @property
     def places(self) -> dict[str, str]:
@@ -178,22 +178,24 @@ class Mechanism:
     @property
     def driven(self) -> Self:
         """Copy of the mechanism with only those joints that a motor drives."""
-        return replace(self, joints=tuple(j for j in self.joints if j.actuator >= 0))
+        return replace(
+            self, joints=tuple(joint for joint in self.joints if joint.actuator >= 0)
+        )
 
     @property
     def torque(self) -> Array:
         """Typical torque (joints,) [N m] of each joint."""
-        return np.array([j.torque for j in self.joints])
+        return np.array([joint.torque for joint in self.joints])
 
     @property
     def rate(self) -> Array:
         """Typical rate (joints,) [rad/s] of each joint."""
-        return np.array([j.rate for j in self.joints])
+        return np.array([joint.rate for joint in self.joints])
 
     @property
     def inertia(self) -> Array:
         """Inertia (joints,) [kg m^2] that each joint moves."""
-        return np.array([j.inertia for j in self.joints])
+        return np.array([joint.inertia for joint in self.joints])
 
 
 def poses(

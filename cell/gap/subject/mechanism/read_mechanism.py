@@ -99,7 +99,7 @@ def open_file(path: Path, model: Path | None = None) -> Mechanism:
         place = model.resolve()
         file = file.model_copy(update={"effects": {}})
 
-    moved = [s.name for s in file.signals.values() if s.is_ == "torque"]
+    moved = [signal.name for signal in file.signals.values() if signal.is_ == "torque"]
     moved += [name for name, kind in inputs if kind != "position"]
     source = replace(read_source(place, folder), motors=tuple(moved))  # a URDF has none
     there = str(place)
@@ -117,7 +117,10 @@ def open_file(path: Path, model: Path | None = None) -> Mechanism:
 
     if mode.loads:
         signals = [
-            s for kind in ("torque", "tracking") for s in signals if s.kind == kind
+            signal
+            for kind in ("torque", "tracking")
+            for signal in signals
+            if signal.kind == kind
         ]
 
     origin = replace(origin, digests={**origin.digests, **source.digests})
@@ -146,7 +149,8 @@ def open_all(
     moving = [n for n, kind in file.inputs.items() if kind == "position"]
     moving += [n for n, s in specs.items() if s.is_ not in ("torque", "tracking")]
     signals = [
-        _with_noise(s, specs[s.name], recordings, str(path)) for s in found.signals
+        _with_noise(signal, specs[signal.name], recordings, str(path))
+        for signal in found.signals
     ]
     found = replace(
         found,
@@ -269,7 +273,9 @@ def _with_noise(
     if sigma == "repeats":
         sigma = repeat_noise(recordings, name, origin)
     if signal.kind == "torque":
-        floor = FLOOR * np.nanstd(np.concatenate([r.columns[name] for r in recordings]))
+        floor = FLOOR * np.nanstd(
+            np.concatenate([recording.columns[name] for recording in recordings])
+        )
     return replace(signal, sigma=sigma, floor=floor)
 
 
@@ -323,7 +329,10 @@ def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
     columns = mechanism.places
     hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     squares = {
-        s.joint: [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
+        s.joint: [
+            np.nanmean((s.gear * recording.columns[s.name]) ** 2)
+            for recording in recordings
+        ]
         for s in mechanism.compared("torque")
     }
 
@@ -362,8 +371,8 @@ def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float,
     """
     squares = []
     travels = []
-    for r in recordings:
-        known = np.array(r.known(column))
+    for recording in recordings:
+        known = np.array(recording.known(column))
         t, x = known[:, :: max(1, known.shape[1] // RATE_READINGS)]
         v = np.gradient(x, t)
         squares.append([np.mean(v**2), np.mean(np.gradient(v, t) ** 2)])

@@ -373,15 +373,16 @@ def samples(signals: Sequence[Signal], cut: Cut, phase: Words) -> Samples:
     return Samples.stack(
         [
             Series(
-                channel=s.channel,
-                quantity=s.channel,
+                channel=signal.channel,
+                quantity=signal.channel,
                 phase=phase,
-                zone=s.zone,
+                zone=signal.zone,
                 t=middle,
-                noise=s.sigma / (1.0 if s.kind == "torque" else np.sqrt(counts)),
-                reading=s.sigma,
-                floor=s.floor,
+                noise=signal.sigma
+                / (1.0 if signal.kind == "torque" else np.sqrt(counts)),
+                reading=signal.sigma,
+                floor=signal.floor,
             )
-            for s in signals
+            for signal in signals
         ]
     )

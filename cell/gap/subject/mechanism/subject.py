@@ -118,7 +118,7 @@ class MechanismSubject(Subject):
         self.origin = mechanism.origin
         self._sensors = mechanism.compared("torque")
         self._check_honoured()
-        resting = [j.name for j in mechanism.joints if j.travel < HARDLY]
+        resting = [joint.name for joint in mechanism.joints if joint.travel < HARDLY]
         why = f"it moves by less than {1e3 * HARDLY:g} mrad or mm"
         self.untested = (*self.untested, *((name, why) for name in resting))
         self._scatter = {
@@ -169,13 +169,16 @@ class MechanismSubject(Subject):
             base=(*(b.parameter for b in m.base), *accepted_parameters(m)),
             candidates=candidates(m),
             quantities={
-                s.channel: self._quantity(s.channel, s.kind) for s in m.signals
+                signal.channel: self._quantity(signal.channel, signal.kind)
+                for signal in m.signals
             },
             terms=tuple(t.candidate(m) for t in TERMS if t.applies(m)),
             scatter=tuple(self._scatter.values()),
             believed=m.mode.shapes,
         )
-        return whole.withhold(without, [c.name for c in whole.candidates])
+        return whole.withhold(
+            without, [candidate.name for candidate in whole.candidates]
+        )
 
     def _quantity(self, channel: str, kind: str) -> Quantity:
         """Display of a channel's residuals; torques have a tolerance by their
@@ -183,7 +186,10 @@ class MechanismSubject(Subject):
         """
         key, factor, tolerance = KINDS[kind]
         if kind == "torque":
-            spread = [np.nanstd(r.columns[channel]) for r in self.mechanism.recordings]
+            spread = [
+                np.nanstd(recording.columns[channel])
+                for recording in self.mechanism.recordings
+            ]
             tolerance *= np.sqrt(np.mean(np.square(spread)))
         return Quantity(
             key=f"{channel}_{key}",
@@ -196,11 +202,13 @@ class MechanismSubject(Subject):
         """Run for the engine: samples with their phases, and the run's own unknowns."""
         mechanism = self.mechanism
         signals = mechanism.signals
-        names = [s.name for s in signals]
+        names = [signal.name for signal in signals]
         cut = cut_recording(recording, names, BLOCK / mechanism.pace)
         content = self._content(recording, cut)
         if recording.sigma:
-            signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
+            signals = tuple(
+                replace(signal, sigma=recording.sigma) for signal in signals
+            )
 
         local = initial_state(mechanism, content.start) if content.start else ()
         local += tuple(source.parameter for source in self._scatter.values())
@@ -220,7 +228,7 @@ class MechanismSubject(Subject):
         """Residuals of `requests`, measured minus simulated; NaN where a simulation
         diverges.
         """
-        cases = [self._case(r) for r in requests]
+        cases = [self._case(request) for request in requests]
         residuals = []
         for case, predicted in zip(cases, self.predict(cases), strict=True):
             cut = case.content.cut
@@ -279,7 +287,7 @@ class MechanismSubject(Subject):
         """Drawings of simulated signals and their residuals; None where a simulation
         diverges.
         """
-        cases = [self._case(r) for r in requests]
+        cases = [self._case(request) for request in requests]
         return [
             None if rows is None else self._scene(case.content.cut, rows)
             for case, rows in zip(cases, self.predict(cases), strict=True)

@@ -210,8 +210,8 @@ def registry() -> Mapping[str, MechanismEffect]:
     families = map(vars, (bodies, compliance, drives, friction))
     known = {
         e.name: e
-        for f in families
-        for e in f.values()
+        for family in families
+        for e in family.values()
         if isinstance(e, MechanismEffect)
     }
     return dict(

@@ -49,7 +49,7 @@ def _carried_bodies(mechanism: Mechanism) -> list[int]:
     """
     model = mechanism.model
     bodies = np.unique(model.jnt_bodyid)
-    return [i for i in bodies if model.body_weldid[model.body_parentid[i]]]
+    return [body for body in bodies if model.body_weldid[model.body_parentid[body]]]
 
 
 def _place_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -62,7 +62,7 @@ def _place_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     spread = LINK_ERROR * max([SHORTEST, *lengths.tolist()])
     return tuple(
         Parameter(
-            name=f"{axis}_{model.body(i).name or i}",
+            name=f"{axis}_{model.body(body).name or body}",
             unit="m",
             start=0.0,
             low=-10.0 * spread,
@@ -70,7 +70,7 @@ def _place_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             step=1e-4 * spread,
             spread=spread,
         )
-        for i in bodies
+        for body in bodies
         for axis in "xyz"
     )
 
