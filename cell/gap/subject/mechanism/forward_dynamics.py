@@ -295,10 +295,10 @@ class ForwardDynamics(MechanismSubject):
         noise.
         """
         super().check(origin)
-        m = self.mechanism
+        mechanism = self.mechanism
         model = copy.copy(self.mechanism.model)
-        model.opt.timestep = 0.5 * m.file.step
-        halved = replace(m, model=model, recordings=m.recordings[:1])
+        model.opt.timestep = 0.5 * mechanism.file.step
+        halved = replace(mechanism, model=model, recordings=mechanism.recordings[:1])
         finer = ForwardDynamics(halved)._stated_residuals()
         run = self.runs[0]
         moved = np.abs(self._stated_residuals() - finer)
@@ -340,9 +340,9 @@ class ForwardDynamics(MechanismSubject):
 
     def _content(self, recording: Recording, cut: Cut) -> Content:
         """Content of a run that is simulated forward: its commands, and its start."""
-        m = self.mechanism
-        commands = commands_of(m, recording)
-        start = start_of(m, recording)
+        mechanism = self.mechanism
+        commands = commands_of(mechanism, recording)
+        start = start_of(mechanism, recording)
         speed = np.gradient(cut.values[0], cut.t)
         return Content(cut, speed, recording.load, commands=commands, start=start)
 

@@ -52,17 +52,17 @@ INERTIAL = {
 
 
 def accepted_content(
-    m: Mechanism, base: Mapping[str, float], effects: NamedValues, source: str
+    mechanism: Mechanism, base: Mapping[str, float], effects: NamedValues, source: str
 ) -> dict[str, Any]:
     """Content of a file that names the accepted model, with the effects that this
     cannot express.
 
     Provenance keeps the old values.
     """
-    content = m.file.model_dump(mode="json", by_alias=True, exclude_none=True)
+    content = mechanism.file.model_dump(mode="json", by_alias=True, exclude_none=True)
     known = content["effects"]
     notes = content["provenance"]
-    parameters = (b.parameter for b in m.base)
+    parameters = (b.parameter for b in mechanism.base)
     stated = {p.name: p.start for p in parameters}
 
     for name, value in base.items():
@@ -76,35 +76,35 @@ def accepted_content(
     for name, values in effects.items():
         notes.append(note_of(f"effects.{name}", None, source))
         effect_of = library()[name]
-        if not effect_of.by_fields(m):
-            first, *_ = effect_of.parameters(m)  # a law's one value is `amount`
+        if not effect_of.by_fields(mechanism):
+            first, *_ = effect_of.parameters(mechanism)  # a law's one value is `amount`
             known[name] = {
                 first.name if key == "amount" else key: v for key, v in values.items()
             }
 
-    file = m.file
+    file = mechanism.file
     content["model"] = str(Path(file.model).with_name(f"{file.name}{ACCEPTED_MODEL}"))
     return content
 
 
 def accepted_xml(
-    m: Mechanism, edited: Any, remarks: Mapping[str, str] | None = None
+    mechanism: Mechanism, edited: Any, remarks: Mapping[str, str] | None = None
 ) -> str:
     """MJCF text of the model of `m` with what differs in the fields of the `edited`
     one.
 
     `remarks` by name become texts of the model, in place of those that it has.
     """
-    root = ET.fromstring(m.source.text)  # noqa: S314  checked when it was read
+    root = ET.fromstring(mechanism.source.text)  # noqa: S314  checked when it was read
     # else as written
-    if root.tag != "mujoco" or m.model.nu > len(root.findall("actuator/*")):
-        root = ET.fromstring(m.source.spec().to_xml())  # noqa: S314
+    if root.tag != "mujoco" or mechanism.model.nu > len(root.findall("actuator/*")):
+        root = ET.fromstring(mechanism.source.spec().to_xml())  # noqa: S314
 
-    _write_bodies(root, m, edited)
-    _write_joints(root, m, edited)
-    _write_actuators(root, m, edited)
-    _write_options(root, m, edited)
-    _write_contacts(root, m, edited)
+    _write_bodies(root, mechanism, edited)
+    _write_joints(root, mechanism, edited)
+    _write_actuators(root, mechanism, edited)
+    _write_options(root, mechanism, edited)
+    _write_contacts(root, mechanism, edited)
     for name, words in (remarks or {}).items():
         _write_remark(root, name, words)
 
@@ -127,30 +127,30 @@ def _changed(mechanism: Mechanism, edited: Any, i: int, *names: str) -> str:
     return "" if np.array_equal(old, new) else _text(new)
 
 
-def _write_contacts(root: ET.Element, m: Mechanism, edited: Any) -> None:
+def _write_contacts(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
     """Write changed friction of contact pairs, which a compiled model holds in another
     order.
     """
-    model = m.model
+    model = mechanism.model
     pairs = np.stack([model.pair_geom1, model.pair_geom2], axis=1).tolist()
     rows = {
         frozenset(model.geom(g).name for g in two): i for i, two in enumerate(pairs)
     }
     for element in root.findall("contact/pair"):
         i = rows[frozenset(element.get(key) for key in ("geom1", "geom2"))]
-        if friction := _changed(m, edited, i, "pair_friction"):
+        if friction := _changed(mechanism, edited, i, "pair_friction"):
             element.set("friction", friction)
 
 
-def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
+def _write_bodies(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
     """Write changed places of bodies, and changed inertias as `inertial` elements."""
     for i in range(1, edited.nbody):
-        if _changed(m, edited, i, "body_pos"):
-            _body(root, m, i).set("pos", _place_in_frame(m, edited, i))
-        if not _changed(m, edited, i, *INERTIAL.values()):
+        if _changed(mechanism, edited, i, "body_pos"):
+            _body(root, mechanism, i).set("pos", _place_in_frame(mechanism, edited, i))
+        if not _changed(mechanism, edited, i, *INERTIAL.values()):
             continue
 
-        body = _body(root, m, i)
+        body = _body(root, mechanism, i)
         for old in body.findall("inertial"):
             body.remove(old)
 
@@ -160,13 +160,13 @@ def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
             compiler.attrib.pop("inertiafromgeom", None)
 
 
-def _body(root: ET.Element, m: Mechanism, i: int) -> ET.Element:
+def _body(root: ET.Element, mechanism: Mechanism, i: int) -> ET.Element:
     """Element of body number `i` in a document, by its name or that of its first
     joint.
     """
-    if name := m.model.body(i).name:
+    if name := mechanism.model.body(i).name:
         return next(e for e in root.iter("body") if e.get("name") == name)
-    joint = m.model.joint(m.model.body_jntadr[i]).name
+    joint = mechanism.model.joint(mechanism.model.body_jntadr[i]).name
     return next(
         e
         for e in root.iter("body")
@@ -175,9 +175,9 @@ def _body(root: ET.Element, m: Mechanism, i: int) -> ET.Element:
     )
 
 
-def _place_in_frame(m: Mechanism, edited: Any, i: int) -> str:
+def _place_in_frame(mechanism: Mechanism, edited: Any, i: int) -> str:
     """Text of the position of body number `i` in the frames about its element."""
-    written = _body(ET.fromstring(m.source.spec().to_xml()), m, i)  # noqa: S314  with quaternions
+    written = _body(ET.fromstring(mechanism.source.spec().to_xml()), mechanism, i)  # noqa: S314  with quaternions
     place, own = (
         np.fromstring(written.get(key, of_none), sep=" ")
         for key, of_none in (("pos", "0 0 0"), ("quat", "1 0 0 0"))
@@ -185,17 +185,17 @@ def _place_in_frame(m: Mechanism, edited: Any, i: int) -> str:
     back = np.zeros(4)
     turn = np.zeros(4)
     step = np.zeros(3)
-    mujoco.mju_negQuat(back, m.model.body_quat[i])
+    mujoco.mju_negQuat(back, mechanism.model.body_quat[i])
     mujoco.mju_mulQuat(turn, own, back)
-    mujoco.mju_rotVecQuat(step, edited.body_pos[i] - m.model.body_pos[i], turn)
+    mujoco.mju_rotVecQuat(step, edited.body_pos[i] - mechanism.model.body_pos[i], turn)
     return _text(place + step)
 
 
-def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:
+def _write_joints(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
     """Write changed damping, armature, stiffness, friction and rest positions."""
     radian = any(c.get("angle") == "radian" for c in root.findall("compiler"))
     elements = {e.get("name"): e for e in root.iter("joint") if e.get("name")}
-    for i, joint in enumerate(m.joints):
+    for i, joint in enumerate(mechanism.joints):
         element = elements[joint.name]
         for key, *names in (
             ("damping", "dof_damping", "dof_dampingpoly"),
@@ -203,21 +203,21 @@ def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:
             ("stiffness", "jnt_stiffness"),
             ("frictionloss", "dof_frictionloss"),
         ):
-            if text := _changed(m, edited, i, *names):
+            if text := _changed(mechanism, edited, i, *names):
                 element.set(key, text)
-        if _changed(m, edited, i, "dof_frictionloss"):
+        if _changed(mechanism, edited, i, "dof_frictionloss"):
             element.set("solimpfriction", _text(edited.dof_solimp[i]))
-        if _changed(m, edited, i, "qpos_spring"):
+        if _changed(mechanism, edited, i, "qpos_spring"):
             rest = edited.qpos_spring[i]
             turn = 1.0 if radian or not joint.hinge else 180.0 / math.pi
             element.set("springref", _text([rest * turn]))
 
 
-def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
+def _write_actuators(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
     """Write changed gains as general actuators, and force limits."""
     every = [e for group in root.findall("actuator") for e in group]
     for i, element in enumerate(every):
-        if _changed(m, edited, i, "actuator_gainprm", "actuator_biasprm"):
+        if _changed(mechanism, edited, i, "actuator_gainprm", "actuator_biasprm"):
             element.tag = "general"
             for key in set(element.attrib) - set(KEPT_OF_ACTUATOR):
                 del element.attrib[key]
@@ -231,12 +231,12 @@ def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
             element.attrib |= {"forcerange": _text(limits), "forcelimited": "true"}
 
 
-def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
+def _write_options(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
     """Write step and integrator, gravity and density, and contacts that are off."""
     option = _child(root, "option")
-    model = m.model
+    model = mechanism.model
     new = edited.opt
-    option.set("timestep", _text([m.file.step]))
+    option.set("timestep", _text([mechanism.file.step]))
     if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         option.set("integrator", "RK4")
     option.attrib |= {"gravity": _text(new.gravity), "density": _text([new.density])}
@@ -255,16 +255,16 @@ def _write_remark(root: ET.Element, name: str, words: str) -> None:
         ET.SubElement(custom, "text", name=name, data=words)
 
 
-def unsaid(m: Mechanism, known: Known) -> Iterator[str]:
+def unsaid(mechanism: Mechanism, known: Known) -> Iterator[str]:
     """Words on each of the `known` effects, or of its parameters, that no field of a
     MuJoCo model states.
     """
     for effect, values in known:
-        if not effect.by_fields(m):
+        if not effect.by_fields(mechanism):
             yield f"{effect.name}: {effect.sentence}"
         elif effect.edited:
-            pairs = zip(effect.with_shape(m), values, strict=True)
-            for p, value in islice(pairs, effect.edited * len(m.joints), None):
+            pairs = zip(effect.with_shape(mechanism), values, strict=True)
+            for p, value in islice(pairs, effect.edited * len(mechanism.joints), None):
                 if value != p.start:
                     yield f"{effect.name}: its {p.name}"
 

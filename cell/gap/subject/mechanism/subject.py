@@ -164,17 +164,20 @@ class MechanismSubject(Subject):
 
     def _scope_without(self, without: Sequence[str]) -> Scope:
         """Fit problem of the mechanism, without the candidates named in `without`."""
-        m = self.mechanism
+        mechanism = self.mechanism
         whole = Scope(
-            base=(*(b.parameter for b in m.base), *accepted_parameters(m)),
-            candidates=candidates(m),
+            base=(
+                *(b.parameter for b in mechanism.base),
+                *accepted_parameters(mechanism),
+            ),
+            candidates=candidates(mechanism),
             quantities={
                 signal.channel: self._quantity(signal.channel, signal.kind)
-                for signal in m.signals
+                for signal in mechanism.signals
             },
-            terms=tuple(t.candidate(m) for t in TERMS if t.applies(m)),
+            terms=tuple(t.candidate(mechanism) for t in TERMS if t.applies(mechanism)),
             scatter=tuple(self._scatter.values()),
-            believed=m.mode.shapes,
+            believed=mechanism.mode.shapes,
         )
         return whole.withhold(
             without, [candidate.name for candidate in whole.candidates]
@@ -320,18 +323,26 @@ class MechanismSubject(Subject):
         """MJCF texts of the model with refitted base and named effects: the `model` for
         this mode, the `plain` one with all effects that fields of a model can state.
         """
-        m = self.mechanism
-        alone = replace(m, file=m.file.model_copy(update={"mode": FORWARD.name}))
-        stated = np.array([base[b.parameter.name] for b in m.base])
-        rest = accepted_content(m, base, effects, "")["effects"]
+        mechanism = self.mechanism
+        alone = replace(
+            mechanism, file=mechanism.file.model_copy(update={"mode": FORWARD.name})
+        )
+        stated = np.array([base[b.parameter.name] for b in mechanism.base])
+        rest = accepted_content(mechanism, base, effects, "")["effects"]
         whole = _known(alone, {**effects, **rest})
         missing = "; ".join(unsaid(alone, whole))
         remarks = {FORMAT: "mechanism, version 1", NOT_SAID: missing}
-        edited = _edited(m, None, stated, effects=_known(m, effects), model=m.model)
-        plain = _edited(alone, None, stated, effects=whole, model=m.model)
+        edited = _edited(
+            mechanism,
+            None,
+            stated,
+            effects=_known(mechanism, effects),
+            model=mechanism.model,
+        )
+        plain = _edited(alone, None, stated, effects=whole, model=mechanism.model)
         return {
-            "model": accepted_xml(m, edited),
-            "plain": accepted_xml(m, plain, remarks),
+            "model": accepted_xml(mechanism, edited),
+            "plain": accepted_xml(mechanism, plain, remarks),
         }
 
     def contradictions(self) -> Iterator[Finding]:
@@ -355,32 +366,34 @@ class MechanismSubject(Subject):
         return self.simulate([self.stated(self.runs[0])])[0].mean
 
 
-def _known(m: Mechanism, effects: NamedValues) -> Known:
+def _known(mechanism: Mechanism, effects: NamedValues) -> Known:
     """Effects of `m` by name, with their values in order."""
     named = [(library()[name], values) for name, values in effects.items()]
-    return [(each, ordered_values(each, m, values)) for each, values in named]
+    return [(each, ordered_values(each, mechanism, values)) for each, values in named]
 
 
 def _edited(
-    m: Mechanism, load: Load | None, base: Array, effects: Known, model: Any
+    mechanism: Mechanism, load: Load | None, base: Array, effects: Known, model: Any
 ) -> Any:
     """Copy of a `model` with base (k,), load of a run and effects in its fields or
     laws.
     """
     edited = copy.copy(model)
-    for b, value in zip(m.base, base, strict=True):
+    for b, value in zip(mechanism.base, base, strict=True):
         b.put(edited, value)
 
     if load:
-        add_point(edited, load.mass, m.model.body(load.body).id, np.array(load.com))
+        add_point(
+            edited, load.mass, mechanism.model.body(load.body).id, np.array(load.com)
+        )
 
     for effect, values in effects:
         if not values.any():
             continue
-        if effect.law and not effect.by_fields(m):
+        if effect.law and not effect.by_fields(mechanism):
             at = torques().at[effect.name]
-            table = effect.table(m, values)
+            table = effect.table(mechanism, values)
             edited.jnt_user[:, at : at + len(table)] = table.T
         elif effect.edit:
-            effect.edit(m, values, edited)
+            effect.edit(mechanism, values, edited)
     return edited
