@@ -82,12 +82,12 @@ def revised_base(
     leading = _leading_models(fits)
     if not leading:
         return None
-    spreads = estimate_spreads(simulate, leading[0].estimate, complete)
+    spreads = estimate_spreads(simulate, leading[0], complete)
     better = _better_base(simulate, fits, leading)
     before, now = ({s.name: s.value for s in some} for some in (scatter, spreads))
     if not better and not clearly_differ(before, now):
         return None
-    start = better or fits.base.estimate
+    start = better or fits.base
     return BaseStart(*with_unknowns(start, with_spreads(complete, spreads)), spreads)
 
 
@@ -109,12 +109,12 @@ def _better_base(
 
     A base that stopped in a local minimum leaves a gap that is none.
     """
-    base = fits.base.estimate
+    base = fits.base
     model = base.model
     runs = base.runs
 
     tasks = []
-    for fit in (m.estimate for m in leading):
+    for fit in leading:
         values, _ = fit.values
         start = Point(values, fit.local)
         tasks.append(
@@ -152,13 +152,13 @@ def refit_on_base(
     `complete` are the runs with all unknowns. Models that cannot come up to the best
     one are left out. Beside another base the other sign of an effect may fit better.
     """
-    runs = base.estimate.runs
+    runs = base.runs
     known = fits.models
     likelihood = fits.likelihood
     tasks = []
     nats = [gain(m, fits.base, likelihood) for m in known]
 
-    for fit, n in zip((m.estimate for m in known), nats, strict=True):
+    for fit, n in zip(known, nats, strict=True):
         if fit.effects and within_reach(n, max(nats)):
             _, start = with_unknowns(fit, with_spreads(complete, spreads))
             secants = _secants(fit, runs)
@@ -238,9 +238,7 @@ def _refit_pairs(search: Search, screen: Screen, fits: Fits) -> Fits:
     scores = [s for s in screen.singles if not fits.of(frozenset(s.names))]
     scores = scores[: BUDGET.probed - BUDGET.singles]
     scores += ranked_pairs(screen.equations, BUDGET.screened_pairs)
-    scores = search.shortlist(
-        fits.base.estimate, scores, search.candidates, BUDGET.additions
-    )
+    scores = search.shortlist(fits.base, scores, search.candidates, BUDGET.additions)
     fits = search.fit_scored_models(fits, scores)
     return search.extend(fits, fits.near_best(1)[: BUDGET.beam])
 

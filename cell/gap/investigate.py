@@ -124,8 +124,7 @@ class Investigation:
         base_fit = self._judge_base(start)
         self.progress("screen the candidates", 0.12)
         probes = [
-            run_probes(base_fit.base.estimate, candidate)
-            for candidate in self.scope.candidates
+            run_probes(base_fit.base, candidate) for candidate in self.scope.candidates
         ]
         screen = self._score_candidates(base_fit, run_all(self.simulate, probes))
         return Models(base_fit, screen, Fits((base_fit.base,), screen.library))
@@ -188,7 +187,7 @@ class Investigation:
 
         Like the posterior it gives every absent effect of the library its spike prior.
         """
-        base = fitted.base.estimate
+        base = fitted.base
         likelihood = likelihood_scale([fitted.base])
         library = floor_responses(base, probed, believed=self.scope.believed)
         about = projection(base, nuisance=spike_responses(library))
@@ -250,9 +249,12 @@ class Investigation:
         rough = choose(fits, sets)
         if not rough.effects:
             return rough, fits
-        fit = rough.estimate
         fine = refit_fine(
-            self.subject, self.simulate, fit.model, coarse=fit.runs, start=fit.point
+            self.subject,
+            self.simulate,
+            rough.model,
+            coarse=rough.runs,
+            start=rough.point,
         )
         refined = run_one(self.simulate, validate(fine))
         models = [refined if model is rough else model for model in fits.models]
@@ -266,20 +268,19 @@ class Investigation:
 
         `sets` are the probabilities of all fitted models.
         """
-        best = accepted.estimate
-        residual_test = ResidualTest.of(best, self.rng)
-        close = rivals(accepted, fits, sets) if best.effects else []
+        residual_test = ResidualTest.of(accepted, self.rng)
+        close = rivals(accepted, fits, sets) if accepted.effects else []
         exchanged = [sorted(accepted.names ^ rival.names) for rival in close]
         doubtful = doubtful_values(accepted, fits, self.subject)
         alike = join_overlapping([*exchanged, *doubtful])
-        scatter = estimate_spreads(self.simulate, best, self.fitted)
-        runs, start = with_unknowns(best, with_spreads(self.fitted, scatter))
+        scatter = estimate_spreads(self.simulate, accepted, self.fitted)
+        runs, start = with_unknowns(accepted, with_spreads(self.fitted, scatter))
         return ModelTests(
             misfit=residual_test.misfit(),
             repeats=residual_test.repeats,
             rivals=close,
             classes=alike,
-            sized=run_one(self.simulate, refit(best.model, runs, start)),
+            sized=run_one(self.simulate, refit(accepted.model, runs, start)),
             scatter=scatter,
             places=self._matching_places(accepted, fits),
         )
@@ -293,12 +294,10 @@ class Investigation:
         if not accepted.effects:
             return ()
         others = [
-            model.estimate
-            for model in fits.models
-            if model.effects and model is not accepted
+            model for model in fits.models if model.effects and model is not accepted
         ]
-        test = ResidualTest.of(fits.base.estimate, self.rng)
-        return test.matching(accepted.estimate, others)
+        test = ResidualTest.of(fits.base, self.rng)
+        return test.matching(accepted, others)
 
     def _refit_held_out(
         self,
@@ -309,7 +308,7 @@ class Investigation:
         """Fit base and accepted model to the runs `unseen`, with their shared
         parameters fixed.
         """
-        fits = [base.estimate, *([accepted.estimate] if accepted.effects else [])]
+        fits = [base, accepted] if accepted.effects else [base]
         refined = [
             self.subject.refine(requests(fit.model, unseen, stated(unseen, fit.shared)))
             for fit in fits
@@ -337,7 +336,6 @@ class Investigation:
 
         Planned runs scatter in the quantities that scatter in the runs so far.
         """
-        first = accepted.estimate
         likelihood = fits.likelihood
         second = _alternative(screened, accepted, fits, tests)
         if not second:
@@ -346,12 +344,12 @@ class Investigation:
             e._replace(run=with_spreads([e.run], tests.scatter)[0])
             for e in self.subject.experiments()
         ]
-        return run_one(self.simulate, advise(first, second, experiments, likelihood))
+        return run_one(self.simulate, advise(accepted, second, experiments, likelihood))
 
 
 def in_all_runs(findings: Findings, simulate: Simulate) -> FitEstimate:
     """Estimate of the accepted model in fitted and held-out runs, not fitted again."""
-    fitted = findings.accepted.estimate
+    fitted = findings.accepted
     held_out = findings.held_out_fits.after
     model = fitted.model
     unseen = held_out.runs
@@ -394,7 +392,7 @@ def _alternative(
     others = [m for m in fits.of_size(size) if m is not accepted]
     closest = next(iter(tests.rivals or others), None)
     if closest:
-        return closest.model, closest.estimate.shared
+        return closest.model, closest.shared
 
     known = accepted.names
     tried = (p.candidate for p in screened.probed if not p.dead)
@@ -402,6 +400,6 @@ def _alternative(
     if not candidate:
         return None
 
-    base, _ = accepted.estimate.values
+    base, _ = accepted.values
     model = Model(accepted.model.base, (candidate,))
     return model, model.join(base, {candidate.name: np.array(candidate.probes[0][0])})

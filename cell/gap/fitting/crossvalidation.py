@@ -8,16 +8,16 @@ unknowns.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from cell.gap.fitting import Task, robust, side_by_side
 from cell.gap.fitting.gauss_newton import FitEstimate, residuals
-from cell.gap.fitting.model import Model, Point, requests
+from cell.gap.fitting.model import Point, requests
 from cell.gap.fitting.normal_equations import Mask, covariance
-from cell.gap.subject.subject import Candidate, FitRun
+from cell.gap.subject.subject import FitRun
 from drivers.base.types import Array
 
 REWEIGHTED = 3  # times that robust weights are renewed; set by hand
@@ -62,9 +62,9 @@ class NormalDensity(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class CrossValidatedFit:
-    """A fitted model, and the whitened residuals (n,) of each run predicted without
-    that run.
+class CrossValidatedFit(FitEstimate):
+    """A fitted model, and the whitened residuals `left_out` (n,) of each run predicted
+    without that run.
 
     `uncertain` (n, k) by run are its responses to one standard deviation of the shared
     values under the other folds. `charged` (R,) [nats] is added to the loss of each
@@ -72,30 +72,9 @@ class CrossValidatedFit:
     unknowns are.
     """
 
-    estimate: FitEstimate
     left_out: Sequence[Array]
     uncertain: Sequence[Array]
     charged: Array
-
-    @property
-    def model(self) -> Model:
-        """Model that was fitted and cross-validated."""
-        return self.estimate.model
-
-    @property
-    def effects(self) -> tuple[Candidate, ...]:
-        """Effects of the model."""
-        return self.model.effects
-
-    @property
-    def names(self) -> frozenset[str]:
-        """Names of the model's effects, as a set."""
-        return self.model.names
-
-    @property
-    def name(self) -> str:
-        """Names of the model's effects in one text."""
-        return self.model.name
 
     def losses(self, scale: float) -> Array:
         """Negative log predictive density (R,) [nats] of each run, at the dispersion
@@ -105,7 +84,7 @@ class CrossValidatedFit:
         those leave them (Laplace's approximation); runs of one fold follow one another.
         """
         losses = self.charged.copy()
-        for fold in folds(self.estimate.runs):
+        for fold in folds(self.runs):
             size = self.uncertain[fold[0]].shape[1]
             values = NormalDensity(np.zeros(size), np.eye(size))
             for i in fold:
@@ -147,8 +126,9 @@ def validate(estimate: FitEstimate) -> Task[CrossValidatedFit]:
     }
     predictions = (by_run[i] for i in sorted(by_run))
     left_out, uncertain, penalty = zip(*predictions, strict=True)
+    fitted = {each.name: getattr(estimate, each.name) for each in fields(FitEstimate)}
     return CrossValidatedFit(
-        estimate=estimate,
+        **fitted,
         left_out=left_out,
         uncertain=uncertain,
         charged=np.array(penalty),

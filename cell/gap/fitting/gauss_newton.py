@@ -179,6 +179,11 @@ class FitEstimate:
         return self.model.names
 
     @property
+    def name(self) -> str:
+        """Names of the model's effects in one text."""
+        return self.model.name
+
+    @property
     def values(self) -> tuple[Array, dict[str, Array]]:
         """Values (b,) of the base, and those (k,) of each effect by its name."""
         return self.model.split(self.shared)
@@ -269,19 +274,20 @@ class FitEstimate:
 
         return NormalEquations(gradient, curvature)
 
-    def on(self, indices: Sequence[int]) -> Self:
+    def on(self, indices: Sequence[int]) -> "FitEstimate":
         """Copy of the estimate restricted to the runs with the numbers `indices`."""
 
         def pick(by_run: Sequence[T]) -> list[T]:
             return [by_run[index] for index in indices]
 
-        return replace(
-            self,
+        return FitEstimate(
+            model=self.model,
             runs=pick(self.runs),
             point=Point(self.shared, pick(self.local)),
             residuals=pick(self.residuals),
             raw=pick(self.raw),
             jacobians=pick(self.jacobians),
+            scale=self.scale,
         )
 
 

@@ -94,10 +94,9 @@ def replay(findings: Findings) -> Iterator[RunScenes]:
     first.
     """
     subject = findings.subject
-    accepted = findings.accepted
-    fitted = {"before": findings.base.estimate}
-    if accepted.effects:
-        fitted["after"] = accepted.estimate
+    fitted: dict[str, FitEstimate] = {"before": findings.base}
+    if findings.accepted.effects:
+        fitted["after"] = findings.accepted
     yield from replay_runs(subject, findings.held_out_fits.by_key, held_out=True)
     yield from replay_runs(subject, fitted, held_out=False)
 

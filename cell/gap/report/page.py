@@ -136,7 +136,7 @@ def _base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on the base model: rows of stated and refitted parameters, and a
     note.
     """
-    weak = ", ".join(p.name for p, _ in undetermined_values(findings.base.estimate))
+    weak = ", ".join(p.name for p, _ in undetermined_values(findings.base))
     note = f"The runs add little to what was known before of: {weak}."
     rows = []
     for p in findings.scope.base:

@@ -177,7 +177,7 @@ def _describe_rest(findings: Findings, verdict: Verdict) -> str:
     """Sentence on residuals that no effect of the library explains."""
     rest = verdict.unexplained
     description = rest.description if rest else ""
-    accepted = findings.accepted.estimate
+    accepted = findings.accepted
     part = accepted.effects and not accepted.proxies
     tried = f"; {accepted.model.name} explains a part but not all of it" if part else ""
     return capitalised(

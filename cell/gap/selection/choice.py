@@ -79,7 +79,7 @@ def rivals(
         clear = max(MIN_GAIN, np.sqrt(len(by_run)) * by_run.std())
         return lead > least or bool(by_run.sum() < clear)
 
-    others = [m for m in fits.of_size(len(accepted.names)) if not m.estimate.proxies]
+    others = [m for m in fits.of_size(len(accepted.names)) if not m.proxies]
     return sorted(
         (m for m in others if m is not accepted and is_open(m)),
         key=lambda m: -sets.lead(m.names),

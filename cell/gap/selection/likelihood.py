@@ -32,10 +32,8 @@ class LikelihoodScale(NamedTuple):
 
 
 def best_fitting(models: Sequence[CrossValidatedFit]) -> FitEstimate:
-    """Estimate of that one of `models` that fits best: by dispersion, then by loss."""
-    return min(
-        (model.estimate for model in models), key=lambda fit: (fit.scale, fit.objective)
-    )
+    """That one of `models` that fits best: by dispersion, then by loss."""
+    return min(models, key=lambda fit: (fit.scale, fit.objective))
 
 
 def likelihood_scale(models: Sequence[CrossValidatedFit]) -> LikelihoodScale:
@@ -123,11 +121,10 @@ class Fits:
         is kept.
         """
         merged = {model.names: model for model in self.models}
-        for m in more:
-            earlier = merged.get(m.names)
-            fit = m.estimate
-            if not earlier or best([earlier.estimate, fit]) is fit:
-                merged[m.names] = m
+        for model in more:
+            earlier = merged.get(model.names)
+            if not earlier or best([earlier, model]) is model:
+                merged[model.names] = model
         return replace(self, models=[*merged.values()])
 
 
@@ -146,11 +143,12 @@ def likelihood_ratio_p(
 
     It is conservative where the sign of a parameter is fixed.
     """
-    fits = model.estimate, part.estimate
-    loss, nested = (robust.loss(f.stacked_residuals / likelihood.scale) for f in fits)
-    ratio = 2.0 * (nested.sum() - loss.sum()) / likelihood.inefficiency
-    freedom, fewer = (len(fit.shared) for fit in fits)
-    return float(special.chdtrc(freedom - fewer, max(0.0, ratio)))
+    scale = likelihood.scale
+    loss = robust.loss(model.stacked_residuals / scale).sum()
+    nested = robust.loss(part.stacked_residuals / scale).sum()
+    ratio = 2.0 * (nested - loss) / likelihood.inefficiency
+    freedom = len(model.shared) - len(part.shared)
+    return float(special.chdtrc(freedom, max(0.0, ratio)))
 
 
 def holm(p: Mapping[str, float]) -> dict[str, float]:

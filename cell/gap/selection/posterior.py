@@ -169,16 +169,11 @@ def posterior(
     common = _SharedTerms.of(fits, likelihood, prior)
     chance = prior.expected / max(len(fits.library), 2.0 * prior.expected)
     odds = special.logit(chance)
-    nats = [
-        common.evidence(model.estimate) + odds * len(model.effects)
-        for model in fits.models
-    ]
+    nats = [common.evidence(model) + odds * len(model.effects) for model in fits.models]
     shares = special.softmax(nats)
     rows = zip(fits.models, nats, shares, strict=True)
     models = [
-        SetProbability(
-            names=m.names, nats=n, p=p, shared=shared_causes(m.estimate, odds)
-        )
+        SetProbability(names=m.names, nats=n, p=p, shared=shared_causes(m, odds))
         for m, n, p in rows
     ]
     return Posterior(sorted(models, key=lambda w: (-w.nats, sorted(w.names))))
@@ -239,11 +234,9 @@ class _SharedTerms(NamedTuple):
         Wild samples are those of the best fit: at its own, a bad model would call wild
         what it does not explain.
         """
-        base = fits.base.estimate
+        base = fits.base
         scale = likelihood.scale
-        best = min(
-            (model.estimate for model in fits.models), key=lambda fit: fit.objective
-        )
+        best = min(fits.models, key=lambda fit: fit.objective)
         r, _ = _in_units_of(base, best)
         weights = robust.weights(r / scale) / likelihood.inefficiency
         weight = np.sqrt(weights) / scale

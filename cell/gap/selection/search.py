@@ -82,17 +82,16 @@ class Search:
         after a few steps are not refined: the verdict may list them, but no model
         extends them.
         """
-        base = fits.base.estimate
+        base = fits.base
         simulate = self.simulate
         candidates = self._with_shape_parameters(fits)
         tasks = []
         for score in scores:
             earlier = fits.of(frozenset(score.names))
-            incumbent = earlier.estimate if earlier else None
             model, points = fit_starts(base, score, candidates)
-            tasks.append(_best_short_fit(base, model, points, incumbent))
+            tasks.append(_best_short_fit(base, model, points, incumbent=earlier))
         started = [e for e in run_all(simulate, tasks) if e]
-        estimates = [*(m.estimate for m in fits.models), *started]
+        estimates = [*fits.models, *started]
         dispersion = min(estimate.scale for estimate in estimates)
         largest = _gain_over(base, best(estimates), dispersion)
 
@@ -113,7 +112,7 @@ class Search:
         """
         likelihood = fits.likelihood
         expected: dict[tuple[str, ...], tuple[float, Score]] = {}
-        for fit in (model.estimate for model in models):
+        for fit in models:
             before = fit.objective_at(likelihood.scale)
             unit = (fit.scale / likelihood.scale) ** 2
             for score in self._screen_further(fits, fit):
@@ -131,7 +130,7 @@ class Search:
         scores = [score for _, score in order[: BUDGET.additions * len(models)]]
         if len(models) > 1:
             free = self._with_shape_parameters(fits)
-            scores = self.shortlist(fits.base.estimate, scores, free, BUDGET.additions)
+            scores = self.shortlist(fits.base, scores, free, BUDGET.additions)
 
         return self.fit_scored_models(fits, scores)
 
@@ -173,9 +172,7 @@ class Search:
                 beside = fits.of(model.names - {effect.name})
                 is_placed = not all(p.is_amount for p in effect.parameters)
                 if beside and is_placed and effect.two_sided:
-                    tasks.append(
-                        _with_other_sign(model.estimate, effect, beside.estimate)
-                    )
+                    tasks.append(_with_other_sign(model, effect, beside))
         finished = [e for e in run_all(self.simulate, tasks) if e]
         return fits.merge(run_all(self.simulate, [*map(validate, finished)]))
 
@@ -189,7 +186,7 @@ class Search:
         plain = [
             m for m in near_best if any(effect.shape_parameters for effect in m.effects)
         ]
-        ends = run_all(self.simulate, [_with_free_shape(m.estimate) for m in plain])
+        ends = run_all(self.simulate, [_with_free_shape(m) for m in plain])
         validated = run_all(self.simulate, [*map(validate, ends)])
         likelihood = fits.likelihood
         least = BUDGET.shape_gain * MIN_GAIN
@@ -333,7 +330,7 @@ def without_each(accepted: CrossValidatedFit) -> list[Score]:
     """
     names = accepted.names
     subsets = [tuple(sorted(names - {gone})) for gone in sorted(names)]
-    return [Score(subset, 0.0, {}, origin=accepted.estimate) for subset in subsets]
+    return [Score(subset, 0.0, {}, origin=accepted) for subset in subsets]
 
 
 def _with_other_sign(

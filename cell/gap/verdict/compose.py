@@ -51,7 +51,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
             confidence=decision.probabilities[e.name],
         )
         for e in findings.separable
-        if e not in findings.accepted.estimate.proxies
+        if e not in findings.accepted.proxies
     ]
     is_sound = decision.kind == "no_gap"
     return Verdict(
@@ -219,7 +219,7 @@ def _compare_with_base(
     by_run = gains(model, findings.fits.base, likelihood)
     error = np.sqrt(len(by_run)) * by_run.std(ddof=1) if len(by_run) > 1 else 0.0
     tests = findings.model_tests
-    estimate = tests.sized if model is findings.accepted else model.estimate
+    estimate = tests.sized if model is findings.accepted else model
     values = intervals(estimate, likelihood.inefficiency, tests.scatter)
     parameters = {
         f"{effect.name}.{name}" if len(effects) > 1 else name: value

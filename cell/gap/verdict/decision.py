@@ -79,7 +79,7 @@ def _kind(results: FitResults, *, is_credible: bool, is_named: bool) -> Kind:
     """
     if is_credible:
         return "named" if is_named else "ambiguous"
-    stands_in = bool(results.accepted.estimate.proxies)
+    stands_in = bool(results.accepted.proxies)
     return "unexplained" if stands_in or _gap_is_there(results) else "no_gap"
 
 
@@ -93,7 +93,7 @@ def _credible_effects(
     None beside one that stands in for another law: what that law is may change the
     others.
     """
-    if results.accepted.estimate.proxies:
+    if results.accepted.proxies:
         return []
     probable = [name for name, p in probabilities.items() if p >= LEAST]
     return [name for name in probable if name not in ends]
@@ -104,7 +104,7 @@ def _amounts_at_ends(results: FitResults) -> dict[str, list[str]]:
 
     Places may lie at an end, as that of a strip.
     """
-    fit = results.accepted.estimate
+    fit = results.accepted
     _, values = fit.values
     ends = {
         effect.name: [
@@ -172,7 +172,7 @@ def _log_odds(results: FitResults, effect: str) -> float:
 def _common_evidence(results: FitResults) -> VerdictEvidence:
     """Evidence for or against the accepted model as a whole, of infinite log-odds."""
     runs, quantities = _gains(results)
-    accepted = results.accepted.estimate
+    accepted = results.accepted
     fits = (accepted, results.held_out_fits.after)
     by_run = [held_out_gap.rms_by_run(fit, results.quantities) for fit in fits]
     typical_rms = float(np.median([rms for of_fit in by_run for rms in of_fit]))
@@ -204,7 +204,7 @@ def _gains(results: FitResults) -> tuple[list[float], list[float]]:
     """
     likelihood = results.likelihood
     unseen = results.held_out_fits
-    left_out = [(m.estimate, m.left_out) for m in (results.base, results.accepted)]
+    left_out = [(fit, fit.left_out) for fit in (results.base, results.accepted)]
     held_out = [(fit, fit.residuals) for fit in (unseen.before, unseen.after)]
     by_run: list[float] = []
     by_quantity: dict[str, float] = defaultdict(float)
@@ -308,8 +308,8 @@ def doubtful_values(
         return []
 
     groups: list[list[str]] = []
-    refuted = _strained(accepted.estimate)
-    base, by_effect = accepted.model.split(accepted.estimate.changes)
+    refuted = _strained(accepted)
+    base, by_effect = accepted.model.split(accepted.changes)
     strained = base[[p.name in refuted for p in accepted.model.base]].sum(axis=0)
 
     for name, rows in by_effect.items():
@@ -317,7 +317,7 @@ def doubtful_values(
             groups.append([name, *refuted])
         without = fits.of(accepted.names - {name})
         if without and gain(accepted, without, fits.likelihood) < MIN_GAIN:
-            groups.append([name, *_strained(without.estimate)])
+            groups.append([name, *_strained(without)])
 
     return [group for group in groups if len(group) > 1]
 
@@ -341,7 +341,7 @@ def reasons(findings: Findings) -> list[str]:
     """
     decision = findings.decision
     repeats = findings.model_tests.repeats
-    fit = findings.accepted.estimate
+    fit = findings.accepted
     words = [
         f"{name} is right with probability {p:.2f} (named from {LEAST:g})"
         for name, p in decision.probabilities.items()

@@ -63,7 +63,7 @@ def offered_law(
 
     laws = _fit_laws(subject, simulate, replace(fits, models=(fits.base,)))
     needed = needed_models(laws, posterior(laws, fits.likelihood))
-    for law in (model.estimate for model in needed):
+    for law in needed:
         if _stable(law):
             held = law.model.holding(law.shared)
             after = held_out_gap.fit_held_out(simulate, held, before.runs)
@@ -76,7 +76,7 @@ def offered_law(
 
 def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
     """Copy of `fits` with laws of up to MOST_TERMS terms, chosen by a linear screen."""
-    base = fits.base.estimate
+    base = fits.base
     terms = [term for term in subject.scope.terms if len(term.parameters) == 1]
     probed = run_all(simulate, [run_probes(base, term) for term in terms])
     equations = probe_equations(projection(base), probed)

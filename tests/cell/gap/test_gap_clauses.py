@@ -53,7 +53,7 @@ def model(*names: str, nats: Sequence[float] = (0.0,), error: float = 0.0) -> An
         names=frozenset(names),
         effects=[SimpleNamespace(name=name, model_error=error) for name in names],
         name=" + ".join(names),
-        estimate=SimpleNamespace(proxies=[]),
+        proxies=[],
         left_out=nats,
         losses=lambda scale: -np.array(nats),
     )
@@ -107,7 +107,7 @@ def doubt(
     and gains `nats`.
     """
     accepted, other = model("a", nats=[100, 100], error=error), model("b", nats=nats)
-    other.estimate.proxies += ["b"] * proxy
+    other.proxies += ["b"] * proxy
     two = model("a", "b", nats=[100, 100])
     fits = Known((model(nats=[0, 0]), accepted, other, two))
     sets = posterior_of({"": -500.0, "a": 0.0, "b": lead, "a b": 1.0})
@@ -311,12 +311,11 @@ def test_a_gap_shows_at_a_place_or_on_held_out_runs(
 def test_an_amount_at_either_end_is_told_and_a_place_or_a_start_is_not(
     one, value: float, low: float, role: Role, is_end: bool
 ) -> None:
-    fit = one.accepted.estimate
+    fit = one.accepted
     p = Parameter("size", "m", 0.0, low, 5.0, 1e-3, 1.0, role=role)
     effect = replace(fit.effects[0], parameters=(p,))
     point = Point(np.array([*fit.shared[:2], value]), fit.local)
-    fit = replace(fit, model=Model(fit.model.base, (effect,)), point=point)
-    accepted = replace(one.accepted, estimate=fit)
+    accepted = replace(fit, model=Model(fit.model.base, (effect,)), point=point)
     ends = decide(replace(one, accepted=accepted)).at_ends
     assert ends == ({"bump": ["size"]} if is_end else {})
 
@@ -328,8 +327,7 @@ def predicted(found: Findings, *left: float | Array) -> DecidedVerdict:
     unseen, base = found.held_out_fits, found.base
     before = replace(unseen.before, residuals=[np.ones(60)] * len(left))
     after = replace(unseen.after, residuals=[n * np.ones(60) for n in left])
-    fit = replace(found.accepted.estimate, runs=base.estimate.runs)
-    accepted = replace(found.accepted, left_out=base.left_out, estimate=fit)
+    accepted = replace(found.accepted, runs=base.runs, left_out=base.left_out)
     fits = replace(unseen, before=before, after=after)
     return decide(replace(found, accepted=accepted, held_out_fits=fits))
 
@@ -353,9 +351,9 @@ def test_what_most_runs_leave_counts_and_one_stray_run_does_not(one) -> None:
     found = decide(replace(one, held_out_fits=replace(unseen, after=after))).evidence
     assert found.left == pytest.approx(usual.left, rel=0.1)
     assert found.correlation == pytest.approx(usual.correlation, abs=0.1)
-    fit = one.accepted.estimate
-    fit = replace(fit, residuals=[np.full(60, 3.0)] * len(fit.runs))
-    every = decide(replace(one, accepted=replace(one.accepted, estimate=fit))).evidence
+    residuals = [np.full(60, 3.0)] * len(one.accepted.runs)
+    accepted = replace(one.accepted, residuals=residuals)
+    every = decide(replace(one, accepted=accepted)).evidence
     assert every.left > 1.5 * usual.left
     assert every.correlation > 0.9
 
@@ -376,15 +374,17 @@ def doubted(beside: float, without: float, behind: float, cosine: float) -> Any:
     whole, part = Model((STATED,), (EFFECT,)), Model((STATED,))
     turn = np.array([cosine, np.sqrt(1.0 - cosine**2)])
     changes = np.array([[1.0, 0.0], turn])
-    fit = SimpleNamespace(
-        model=whole, shared=np.array([beside * 0.01, 1.0]), changes=changes
-    )
     accepted: Any = SimpleNamespace(
-        model=whole, names=whole.names, estimate=fit, losses=lambda scale: np.zeros(1)
+        model=whole,
+        names=whole.names,
+        shared=np.array([beside * 0.01, 1.0]),
+        changes=changes,
+        losses=lambda scale: np.zeros(1),
     )
     plain: Any = SimpleNamespace(
+        model=part,
         names=part.names,
-        estimate=SimpleNamespace(model=part, shared=np.array([without * 0.01])),
+        shared=np.array([without * 0.01]),
         losses=lambda scale: np.array([behind]),
     )
     fits = Known((accepted, plain))

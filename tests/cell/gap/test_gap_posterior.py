@@ -30,7 +30,7 @@ EXACT = Beliefs.shipped().model_copy(update={"immaterial": 0.0, "shares": (0.0,)
 
 def sets(subject: Curves, *names: tuple[str, ...], prior: Beliefs = EXACT) -> Posterior:
     models = tuple(validated(fitted(subject, n), subject) for n in ((), *names))
-    base = models[0].estimate
+    base = models[0]
     probed = run_all(
         subject.simulate, [run_probes(base, c) for c in subject.scope.candidates]
     )

@@ -54,7 +54,7 @@ def test_repeats_that_scatter_for_no_reason_leave_the_cause_open() -> None:
 
 def test_loss_of_runs_left_out_is_that_of_their_normal_density() -> None:
     model = validated(fitted(Curves(nothing, repeats=2)))
-    runs = model.estimate.runs
+    runs = model.runs
     rng, count = np.random.default_rng(0), len(runs)
     r = rng.uniform(-0.5, 0.5, (count, len(T)))
     b = rng.uniform(-0.1, 0.1, (count, len(T), 2))
