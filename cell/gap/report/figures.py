@@ -125,20 +125,20 @@ def heat_map(places: Sequence[Bin]) -> str:
     rows, columns = (sorted({*words}) for words in zip(*cells, strict=True))
     high = len(rows)
     wide = len(columns)
-    grid, surest = np.full((2, high, wide), np.nan)
 
+    # what is NaN stays blank
+    strengths, probabilities = np.full((2, high, wide), np.nan)
     for (row, column), place in cells.items():
         at = rows.index(row), columns.index(column)
-        grid[at] = abs(place.z)
-        surest[at] = place.p
+        strengths[at] = abs(place.z)
+        probabilities[at] = place.p
 
-    highest = max(9.0, np.nanmax(grid))
+    highest = max(9.0, np.nanmax(strengths))
     scale = FuncNorm((np.log1p, np.expm1), 0.0, highest)
     with canvas(max(5.0, 1.8 + COLUMN * wide), max(2.0, 0.9 + 0.3 * high)) as figure:
         axis = figure.add_subplot()
         axis.grid(visible=False)
-        # what is NaN stays blank
-        image = axis.imshow(grid, cmap="YlOrRd", aspect="auto", norm=scale)
+        image = axis.imshow(strengths, cmap="YlOrRd", aspect="auto", norm=scale)
         axis.set_yticks(range(high), [" · ".join(row) for row in rows])
         axis.set_xticks(
             range(wide),
@@ -147,8 +147,8 @@ def heat_map(places: Sequence[Bin]) -> str:
             ha="right",
             rotation_mode="anchor",
         )
-        for i, j in np.argwhere(surest < SIGNIFICANT).tolist():
-            axis.plot(j, i, "o", ms=2.5, color=INK)
+        for i, k in np.argwhere(probabilities < SIGNIFICANT).tolist():
+            axis.plot(k, i, "o", ms=2.5, color=INK)
 
         ticks = [z for z in HEAT_TICKS if z <= highest]
         figure.colorbar(
@@ -165,27 +165,24 @@ def residual_traces(
     `fits`.
     """
     samples = fits["before"].runs[run].samples
-    t = samples.t
-    series = samples.series
-    order = np.argsort(t, kind="stable")
-    by_series = [order[series[order] == number] for number in np.unique(series)]
-    by_series = [rows for rows in by_series if len(rows) > 1]
+    order = np.argsort(samples.t, kind="stable")
+    owner = samples.series[order]
+    every = [order[owner == number] for number in np.unique(owner)]
+    by_series = [rows for rows in every if len(rows) > 1]
     if not by_series:
         return ""
 
     means = {word: fit.raw[run].mean for word, fit in fits.items()}
-    times = t[np.concatenate(by_series)]
+    times = samples.t[np.concatenate(by_series)]
     count = len(by_series)
     with canvas(7.5, 0.8 + 1.35 * count) as figure:
         axes = figure.subplots(count, sharex=True, squeeze=False).ravel()
-        first = axes[0]
-        last = axes[-1]
         for axis, rows in zip(axes, by_series, strict=True):
             _residual_trace(axis, samples, rows, means, quantities)
 
-        first.set_xlim(times.min(), times.max())
-        last.set_xlabel("time [s]")
-        _legend_above(figure, first)
+        axes[0].set_xlim(times.min(), times.max())
+        axes[-1].set_xlabel("time [s]")
+        _legend_above(figure, axes[0])
         return as_svg(figure)
 
 

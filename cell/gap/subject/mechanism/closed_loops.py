@@ -60,15 +60,8 @@ class ClosedLoops:
     def __init__(
         self, model: Any, inputs: Sequence[int], compared: Sequence[int], origin: str
     ) -> None:
-        own = copy.copy(model)
-        off = mujoco.mjtDisableBit
-        # only equalities add rows to the Jacobian of constraints
-        own.opt.disableflags = (
-            off.mjDSBL_CONTACT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT
-        )
-        own.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        self._model = own
-        self._data = mujoco.MjData(own)
+        self._model = _with_equalities_alone(model)
+        self._data = mujoco.MjData(self._model)
         perturbed = np.random.default_rng(0).normal(model.qpos0, PERTURBATION)
         jacobian, _ = self._jacobian(perturbed)
         motions = null_space(jacobian, RANK_TOLERANCE)
@@ -78,15 +71,10 @@ class ClosedLoops:
                 f" and it has {model.nu} motors; as many are needed: add or remove some"
             )
 
-        driven: Array = np.any(transmissions(own, self._data), axis=0)
-        # first those with a motor, then others that are measured
+        # measured ones first, and of these the driven ones
+        driven: Array = np.any(transmissions(self._model, self._data), axis=0)
         order = sorted(range(model.nv), key=lambda j: (j not in inputs, not driven[j]))
-        leading: list[int] = []
-        for joint in order:
-            if np.linalg.matrix_rank(motions[[*leading, joint]]) > len(leading):
-                leading.append(joint)
-
-        independent = self.independent = np.sort(leading)
+        independent = self.independent = np.sort(_leading(motions, order))
         self._dependent = np.setdiff1d(np.arange(model.nv), independent)
         together = motions @ np.linalg.inv(motions[independent])
         moved = np.abs(together) > RANK_TOLERANCE
@@ -171,3 +159,23 @@ class ClosedLoops:
             _, gap = self._jacobian(row)
             squares.append(gap @ gap)  # before the next pose is written over it
         return float(np.sqrt(np.mean(squares)))
+
+
+def _with_equalities_alone(model: Any) -> Any:
+    """Copy of `model` in whose Jacobian of constraints only equalities have rows."""
+    copied = copy.copy(model)
+    off = mujoco.mjtDisableBit
+    copied.opt.disableflags = (
+        off.mjDSBL_CONTACT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT
+    )
+    copied.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    return copied
+
+
+def _leading(motions: Array, order: Sequence[int]) -> list[int]:
+    """First joints in this `order` of which the `motions` (n, k) of all are made."""
+    leading: list[int] = []
+    for joint in order:
+        if np.linalg.matrix_rank(motions[[*leading, joint]]) > len(leading):
+            leading.append(joint)
+    return leading

@@ -83,10 +83,15 @@ def _cutoff(recording: Recording, joints: Sequence[str]) -> float:
     q = _resample(recording, joints, grid)
     rate = 2.0 * np.pi / (grid[1] - grid[0])
     w, power = welch(q, rate, nperseg=min(256, len(grid)))
+
     # no joint moves in the upper quarter of frequencies
     noise = np.median(power[:, len(w) * 3 // 4 :], axis=1, keepdims=True)
-    rates = np.cumsum(np.maximum(power - FLOOR * noise, 0.0) * w**2, axis=1)
-    return CUTOFF * max(float(w[np.argmax(r >= MOST * r[-1])]) for r in rates)
+    of_motion = np.maximum(power - FLOOR * noise, 0.0)
+
+    # below which frequency MOST of the power of each joint's rate lies
+    below = np.cumsum(of_motion * w**2, axis=1)
+    first = np.argmax(below >= MOST * below[:, -1:], axis=1)
+    return CUTOFF * float(w[first].max())
 
 
 def _grid(recording: Recording) -> Array:
@@ -136,42 +141,43 @@ def motion_of(
     """
     grid = _grid(recording)
     dt = grid[1] - grid[0]
-    raw, measured = (_resample(recording, names, grid) for names in (joints, torques))
-    longest = max(BRIDGED / cutoff, STEPS * np.median(np.diff(recording.t)))
+    raw = _resample(recording, joints, grid)
+    measured = _resample(recording, torques, grid)
+
+    # one filter for both
     wide = min(WIDER * cutoff, 0.8 * np.pi / dt)
     cutoff = min(cutoff, wide)
     filtered = _low_pass(raw, dt, wide)
-    stride = max(1, int(1.0 / wide / dt))
     q = loops.close(filtered.T) if loops else filtered.T
-    excluded = _gaps(recording, [*joints, *torques], grid, longest) | barred(
-        q, measured
-    )
+
+    # what is no reading, or none of the mechanics
+    longest = max(BRIDGED / cutoff, STEPS * np.median(np.diff(recording.t)))
+    excluded = _gaps(recording, [*joints, *torques], grid, longest)
+    excluded |= barred(q, measured)
+    stride = max(1, int(1.0 / wide / dt))
     moves = np.eye(len(joints))[None]
     forces = None
     if loops:
         forces, moves, movable = loops.maps(q[::stride])
         excluded |= np.repeat(~movable, stride)[: len(grid)]
-
     reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
     known = ~_near_gaps(excluded, reach)
+
     # white noise of the encoders, of which the filter takes out the part above its
     # cutoff
     noise = (raw - filtered).std(axis=1) / np.sqrt(1.0 - wide * dt / np.pi)
     shake = np.outer(_noise_gain(dt, cutoff, width), noise)
+
     q, v, a = (frozen(x[::stride]) for x in _derivatives(grid, q))
-    slow = frozen(_low_pass(measured, dt, wide)[:, ::stride])
-    t = frozen(grid[::stride])
-    shake = frozen(shake)
-    known = known[::stride]
     return FilteredMotion(
-        t=t,
+        t=frozen(grid[::stride]),
         q=q,
         v=v,
         a=a,
-        torques=slow,
-        known=known,
+        torques=frozen(_low_pass(measured, dt, wide)[:, ::stride]),
+        known=known[::stride],
         cutoff=cutoff,
-        shake=shake,
+        shake=frozen(shake),
         moves=moves,
         forces=forces,
     )

@@ -90,38 +90,31 @@ def open_file(path: Path, model: Path | None = None) -> Mechanism:
     if file.cell:  # the cell's own, whose effects may belong into its file
         origin = replace(origin, option=f"--subject {quote(path.parent.name)}")
 
+    model_path = model_place(file, path)
     folder = path.resolve().parent
-    here = str(path)
-    place = model_place(file, path)
-    inputs = file.inputs.items()
     if model:
-        folder = model.resolve().parent
-        place = model.resolve()
+        model_path = model.resolve()
+        folder = model_path.parent
         file = file.model_copy(update={"effects": {}})
 
+    # a URDF has no motors: they are where torques are read or commanded
     moved = [signal.name for signal in file.signals.values() if signal.is_ == "torque"]
-    moved += [name for name, kind in inputs if kind != "position"]
-    source = replace(read_source(place, folder), motors=tuple(moved))  # a URDF has none
-    there = str(place)
-    source = with_assets(source, there)
-    compiled = compile_model(source, there, torques().slots, file.step)
-    check_joints(compiled, there)
+    moved += [name for name, kind in file.inputs.items() if kind != "position"]
+    source = replace(read_source(model_path, folder), motors=tuple(moved))
+    source = with_assets(source, str(model_path))
+    compiled = compile_model(source, str(model_path), torques().slots, file.step)
+    check_joints(compiled, str(model_path))
+    _check_inputs(file, compiled, str(path))
+
     mode = MODES[file.mode]
-    signals = [_signal(*each, mode, compiled, here) for each in file.signals.items()]
-
-    for name, is_ in inputs:
-        kind = "joint" if is_ == "position" else "actuator"
-        number_of(
-            model=compiled, kind=kind, name=name, origin=here, key=f"inputs.{name}"
-        )
-
+    signals = [
+        _signal(name, spec, mode, compiled, str(path))
+        for name, spec in file.signals.items()
+    ]
     if mode.loads:
-        signals = [
-            signal
-            for kind in ("torque", "tracking")
-            for signal in signals
-            if signal.kind == kind
-        ]
+        order = ("torque", "tracking")
+        signals = [each for each in signals if each.kind in order]
+        signals.sort(key=lambda each: order.index(each.kind))
 
     origin = replace(origin, digests={**origin.digests, **source.digests})
     return Mechanism(
@@ -205,6 +198,13 @@ def _fastest_swing(model: Any) -> float:
     return float(np.sqrt(squares.max()))
 
 
+def _check_inputs(file: MechanismFile, model: Any, origin: str) -> None:
+    """Refuse inputs of joints or motors that the `model` lacks."""
+    for name, is_ in file.inputs.items():
+        kind = "joint" if is_ == "position" else "actuator"
+        number_of(model, kind, name, origin=origin, key=f"inputs.{name}")
+
+
 def _signal(
     name: str, spec: SignalSpec, mode: PredictionMode, model: Any, origin: str
 ) -> Signal:
@@ -224,13 +224,12 @@ def _signal(
     weights = np.zeros(model.njnt)
     if kind == "torque":
         actuator = number if owner == "actuator" else actuator_on(model, number)
-        on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
-        if actuator < 0 or not on_joint[actuator]:
+        joint = _driven_joint(model, actuator)
+        if joint < 0:
             raise ConfigurationError(
                 f"{origin}: {key}: {owner} {spec.name} drives no joint; compare torques"
                 " of motors on joints"
             )
-        joint = model.actuator_trnid[actuator, 0]
         if (spec.side or SIDES[owner]) == "motor":
             gear = model.actuator_gear[actuator, 0]
     elif owner == "joint":
@@ -245,7 +244,8 @@ def _signal(
         else:
             joint = 3 * model.nsite + model.sensor_adr[number]
 
-    ends = {model.njnt - 1: "grasped", 0: "fixed"}  # of a chain
+    # parts of a chain
+    ends = {model.njnt - 1: "grasped", 0: "fixed"}
     zone = "grasped" if kind in ("site", "sensor") else ends.get(joint, "middle")
     return Signal(
         name=name,
@@ -277,6 +277,14 @@ def _with_noise(
             np.concatenate([recording.columns[name] for recording in recordings])
         )
     return replace(signal, sigma=sigma, floor=floor)
+
+
+def _driven_joint(model: Any, actuator: int) -> int:
+    """Number of the joint that an actuator drives; -1 for none."""
+    is_on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    if actuator < 0 or not is_on_joint[actuator]:
+        return -1
+    return int(model.actuator_trnid[actuator, 0])
 
 
 def _sum_of_joints(model: Any, number: int) -> Array:
@@ -386,26 +394,28 @@ def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
     recording.
     """
     spec = mechanism.file.start
-    n = len(mechanism.joints)
-    read = recording.t
+    count = len(mechanism.joints)
     compared = mechanism.compared("position")
-    weights = np.array([s.weights for s in compared]).reshape(-1, n)
+    weights = np.array([signal.weights for signal in compared]).reshape(-1, count)
     inverse = np.linalg.pinv(weights)
-    near = max(LEAST, int(np.searchsorted(read, 0.5 / mechanism.pace)))
+    near = max(LEAST, int(np.searchsorted(recording.t, 0.5 / mechanism.pace)))
 
     positions = []
     slopes = []
     for signal in compared:
         t, x = recording.known(signal.name)
-        begin = np.searchsorted(t, read[near - 1], side="right")
+        begin = np.searchsorted(t, recording.t[near - 1], side="right")
         fitted = np.polynomial.Polynomial.fit(t[:begin], x[:begin], 3)
         positions.append(x[0])
         slopes.append(fitted.deriv()(0.0))
 
     rates = slopes if recording.rates is None else recording.rates
-    measured = inverse @ positions
-    q = measured if spec.position == "measured" else np.full(n, spec.position)
-    v = inverse @ rates if spec.velocity == "measured" else np.full(n, spec.velocity)
+    q = inverse @ positions
+    v = inverse @ rates
+    if spec.position != "measured":
+        q = np.full(count, spec.position)
+    if spec.velocity != "measured":
+        v = np.full(count, spec.velocity)
     return q, v
 
 

@@ -68,22 +68,31 @@ def phases(run: MeasuredRun, t: Array) -> Words:
     """Phase of the fold (n,), such as `lift` or `carry`, at each of the times `t` (n,)
     [s].
     """
-    rows = run.t
-    end = run.end
-    speed, back = _averaged_motion(run, t)
-    speeds, _ = _averaged_motion(run, np.arange(rows[0], end, SPEED_INTERVAL))
+    # the usual speed of this fold
+    even = np.arange(run.t[0], run.end, SPEED_INTERVAL)
+    speeds, _ = _averaged_motion(run, even)
     moving = speeds > STANDING_SPEED
     usual_speed = np.median(speeds[moving]) if moving.any() else GUESSED_SPEED
-    risen = run.poses[:, 1] >= TAKEOVER_HEIGHT
-    lifted = rows[np.argmax(risen)] if risen.any() and not run.hanging else end
+
+    # later ones win
+    speed, back = _averaged_motion(run, t)
     words = np.full(len(t), "carry", dtype="U8")
     words[back > RETURN_SPEED * usual_speed] = "return"
     words[speed < HOLD_SPEED * usual_speed] = "hold"
     if run.touch:
-        words[t > end - FALL] = "fall"
-
-    words[t < lifted] = "lift"
+        words[t > run.end - FALL] = "fall"
+    words[t < _end_of_lift(run)] = "lift"
     return words
+
+
+def _end_of_lift(run: MeasuredRun) -> float:
+    """Time [s] at which the gripper has risen to TAKEOVER_HEIGHT; the run's end where
+    it never does, or hangs from the start.
+    """
+    risen = run.poses[:, 1] >= TAKEOVER_HEIGHT
+    if run.hanging or not risen.any():
+        return run.end
+    return float(run.t[np.argmax(risen)])
 
 
 def zones(s: Array, length: float) -> Words:
@@ -140,8 +149,8 @@ class Layout(NamedTuple):
 
 def layout(run: MeasuredRun, length: float) -> Layout:
     """Group the readings of the fold `run` of a strip of `length` [m] into samples."""
-    stamps, _, image, s = run.images
     sigma = run.sigma
+    stamps, _, image, s = run.images
     profile = _part(
         run,
         t=stamps[image],
@@ -149,6 +158,7 @@ def layout(run: MeasuredRun, length: float) -> Layout:
         sigma=sigma.profile,
         fewest=FEWEST_POINTS,
     )
+
     # a soft strip that is pushed along the desk buckles at its fixed edge or not, by
     # chance
     t = run.contact_t
@@ -158,6 +168,7 @@ def layout(run: MeasuredRun, length: float) -> Layout:
         run, t, zone=zones(x, length), sigma=sigma.contact_x, fewest=1, left_out=buckled
     )
     force = _force_part(run, length, 0), _force_part(run, length, 1)
+
     # a camera's error shifts the whole image
     floor = FLOORS["profile"]
     fraction = np.hypot(1.0, (run.plane_error or 0.0) / floor)
@@ -209,12 +220,18 @@ def _part(
     lifted = run.hanging | (np.interp(t, run.t, run.travel) >= GRIP_TRAVEL)
     end = run.end - (SNAP if run.touch else 0.0)
     compared = lifted & (t >= run.t[0]) & (t < end)
-    used = np.flatnonzero(compared if left_out is None else compared & ~left_out)
+    if left_out is not None:
+        compared &= ~left_out
+    used = np.flatnonzero(compared)
+
+    # readings sorted by zone, then slot, then phase
     phase = phases(run, t)
     order = list(dict.fromkeys(phase))
     ranks = _ranks(zone, ZONES), np.floor(t / span), _ranks(phase, order)
     keys = np.stack(ranks)[:, used]
-    sorting = np.lexsort(keys[::-1])  # by zone, then slot, then phase
+    sorting = np.lexsort(keys[::-1])
+
+    # a sample ends where one of them changes
     borders = np.flatnonzero(np.diff(keys[:, sorting]).any(axis=0)) + 1
     rows = [row for row in np.split(used[sorting], borders) if len(row) >= fewest]
     first_rows = [row[0] for row in rows]
@@ -359,7 +376,6 @@ class FoldResiduals:
         the simulated one is compared with the nearest place where the simulated strip
         leaves the desk.
         """
-        limit = CONTACT_LIMIT * self.bending_length
         run = self.run
         part = self.layout.contact
         observation = model.observation
@@ -367,6 +383,8 @@ class FoldResiduals:
         time = imaged_time(observation, run.contact_t[part.order])
         simulated = np.interp(time, motion.t, motion.contact_x)
         residuals = measured - measured_contact(observation, simulated)
+
+        limit = CONTACT_LIMIT * self.bending_length
         far = np.abs(residuals) >= limit
         ends = simulated[far]
         nearest_ends(
@@ -377,6 +395,7 @@ class FoldResiduals:
             ends,
         )
         residuals[far] = measured[far] - measured_contact(observation, ends)
+
         averages = average(residuals, part)
         near = np.abs(averages[0]) < limit
         mean, square = np.where(near, averages, np.nan)

@@ -168,6 +168,8 @@ def linearise_folds(
     `jobs`.
     """
     pairs = [*zip(folds, jobs, strict=True)]
+
+    # each fold as it is, then with a step in each quantity that scatters
     moved = [
         fold.job(hashed_model(effect.apply(job.model, effect.step)))
         for fold, job in pairs

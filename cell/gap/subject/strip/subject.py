@@ -88,17 +88,17 @@ def patch_file(
         mode="json", by_alias=True, exclude_unset=True
     )
     notes = content.pop("provenance", [])
-    strip_effects = content.get("effects", {})
+    law = content.pop("law", {})
+    of_strip = content.setdefault("effects", {})
+    of_cell: dict[str, object] = {}
 
     for name, value in base.items():
         effect, _, key = name.rpartition(".")
-        stated = strip_effects[effect] if effect else content
+        stated = of_strip[effect] if effect else content
         path = f"effects.{name}" if effect else name
         notes.append(note_of(path, stated.get(key), source))
         stated[key] = _round_off(value)
 
-    of_cell: dict[str, object] = {}
-    law = content.pop("law", {})
     for name, values in effects.items():
         rounded = {key: _round_off(value) for key, value in values.items()}
         if name in LAW_TERMS:
@@ -110,13 +110,11 @@ def patch_file(
             of_cell[name] = rounded
         else:
             notes.append(note_of(f"effects.{name}", None, source))
-            strip_effects[name] = rounded
+            of_strip[name] = rounded
 
-    content |= {
-        "effects": strip_effects,
-        **({"law": law} if law else {}),
-        "provenance": notes,
-    }
+    if law:
+        content["law"] = law
+    content["provenance"] = notes
     return content, {"schema": 1, "effects": of_cell} if of_cell else None
 
 
