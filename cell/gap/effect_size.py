@@ -135,8 +135,8 @@ class GapModel:
     def along(
         cls, plant: StripFile, paths: Sequence[GripperPath], sigma: Sigma
     ) -> Self:
-        """Gap model of `plant` folded along the gripper `paths`, with measurement noise
-        `sigma`.
+        """Gap model of `plant`, simulated along the gripper `paths` and measured with
+        the noise `sigma`.
         """
         by_name = {f"own-{i}": path for i, path in enumerate(paths)}
         return cls(plant, measured_along(by_name, plant, sigma, 0))

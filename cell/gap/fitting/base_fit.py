@@ -48,15 +48,17 @@ def refit_fine(
     coarse: Sequence[FitRun],
     start: Point,
 ) -> FitEstimate:
-    """Fit `model`, from `start`, to `coarse` runs corrected for coarse time steps and
-    grids.
+    """Fit `model`, from `start`, to the runs that are `coarse`, once their residuals
+    are corrected by a finer simulation.
     """
     runs = subject.refine(requests(model, coarse, start))
     return run_one(simulate, refit(model, runs, start))
 
 
 def stated_estimate(subject: Subject, simulate: Simulate) -> FitEstimate:
-    """Estimate at the stated base values, not fitted, with residuals taken as zero."""
+    """Estimate with the base as the file states it, not fitted, as if it left no
+    residuals.
+    """
     runs = subject.runs
     base = subject.scope.base
     model = Model(base)
@@ -71,8 +73,8 @@ def effect_responses(
     base: FitEstimate,
     effects: Sequence[tuple[Candidate, Sequence[float]]],
 ) -> Array:
-    """Whitened responses (N, k) of all runs to k effects, each alone with its given
-    values.
+    """Changes (N, k) of the whitened residuals of all runs by k effects, each alone
+    with its given values.
     """
     models = [(base.model, base.shared)]
     for effect, values in effects:

@@ -230,7 +230,9 @@ def _deviations(kept: FitEstimate, shared: Array, undetermined: Mask) -> Array:
 
 
 def _own_response(estimate: FitEstimate, i: int) -> Array:
-    """Derivative (k, P) of run `i`'s own refitted unknowns by the shared values."""
+    """Derivative (k, P) by the shared values of the own unknowns of run number `i`,
+    which are fitted to them.
+    """
     count = len(estimate.shared)
     scale = estimate.scale
     jacobian = estimate.jacobians[i]
@@ -243,8 +245,8 @@ def _own_response(estimate: FitEstimate, i: int) -> Array:
 
 
 def settled_response(estimate: FitEstimate, i: int) -> Array:
-    """Derivative (n, P) of run `i`'s residuals by shared values, its own unknowns
-    refitted.
+    """Derivative (n, P) of the residuals of run number `i` by the shared values, where
+    the run's own unknowns follow them.
     """
     shared, own = np.split(estimate.jacobians[i], [len(estimate.shared)], axis=1)
     return shared + own @ _own_response(estimate, i)

@@ -312,7 +312,9 @@ def responses_to(
 
 
 def best(estimates: Sequence[FitEstimate]) -> FitEstimate:
-    """Estimate of smallest objective, compared at the smallest dispersion of all."""
+    """That one of `estimates` with the smallest objective, all at the smallest
+    dispersion.
+    """
     scale = min(estimate.scale for estimate in estimates)
     return min(estimates, key=lambda e: e.objective_at(scale))
 
@@ -467,5 +469,5 @@ def _evaluate(fit: FitEstimate, points: Sequence[Array]) -> Task[list[FitEstimat
 
 
 def _portions(answers: Sequence[T], size: int) -> list[Sequence[T]]:
-    """Answers in portions of a `size`, which divides their number."""
+    """Answers in portions of `size` answers each."""
     return [answers[k : k + size] for k in range(0, len(answers), size)]

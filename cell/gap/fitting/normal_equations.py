@@ -180,8 +180,8 @@ def inverse_and_logdet(curvature: Array) -> tuple[Array, float]:
 
 
 def _scaled(matrix: Array) -> tuple[Array, Array]:
-    """Factors (size,) on rows and columns that give a `matrix` a unit diagonal, and the
-    matrix (size, size) by these.
+    """Scale factors (size,) by which rows and columns of a `matrix` are divided for a
+    unit diagonal, and the scaled matrix (size, size).
     """
     unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-280))
     return unit, matrix * unit[:, None] * unit

@@ -332,8 +332,8 @@ def with_spreads(runs: Sequence[FitRun], spreads: Sequence[Spread]) -> list[FitR
 def with_unknowns(
     estimate: FitEstimate, complete: Sequence[FitRun]
 ) -> tuple[list[FitRun], Point]:
-    """Runs of `estimate` with all unknowns of `complete`, and values to start a fit
-    from.
+    """Runs of `estimate` with all the unknowns of the `complete` runs, and values from
+    which to fit them.
 
     A fit can begin there; samples and their scales stay those of the estimate.
     """

@@ -150,8 +150,8 @@ def _gap(findings: Findings) -> Gap:
 
 
 def _unexplained(findings: Findings) -> Unexplained | None:
-    """Unexplained residual, alone or beside named effects, for the verdict; None
-    without any.
+    """What the verdict says of residuals that no effect explains, beside named effects
+    or without any; None where nothing is left.
     """
     kind = findings.decision.kind
     law = findings.law
@@ -166,8 +166,8 @@ def _unexplained(findings: Findings) -> Unexplained | None:
 
 
 def _posterior(findings: Findings) -> Probable:
-    """Posterior part of a verdict: probable sets of effects, and the evidence that
-    decided.
+    """Part of the verdict on probabilities: the most probable sets of effects, and the
+    evidence by which it was decided.
     """
     posterior = findings.posterior
     probable_sets = [

@@ -78,7 +78,8 @@ def _finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) -
 
 @kernel
 def _write_observables(batch: Any, b: int, lane: int, midline: Any, row: Any) -> Any:
-    """Write observables of a strip with `midline` x, z (nodes,) [m] into `row`.
+    """Write what is measured of a strip with `midline` x, z (nodes,) [m], as its
+    contact, tip and forces, into its `row` of the output.
 
     Returns the height [m] of its layer gap, and the gap's place as an index of nodes.
     """
@@ -95,8 +96,8 @@ def _write_observables(batch: Any, b: int, lane: int, midline: Any, row: Any) ->
 
 @kernel
 def _watch_gap(monitor: Any, gap: Any, moment: Any) -> Any:
-    """Store the layer `gap`, as height, x, arc length [m]; whether it closed, and if so
-    where.
+    """Store the `gap` between the layers, as height, x and arc length [m]; returns
+    whether it closed in this step, whose time and place are then stored.
     """
     touched = gap[0] <= monitor[at.TOUCH_GAP]
     if touched:

@@ -164,7 +164,8 @@ class Rod:
         self._observed = np.zeros((count, at.OBSERVABLE_COUNT))
 
     def _step_all(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
-        """Step along `poses` (k, n, 3) [m, m, rad]; observables (k, n,
+        """Move the strips along the gripper `poses` (k, n, 3) [m, m, rad], a step to
+        each; returns what is measured of each strip after each step (k, n,
         OBSERVABLE_COUNT).
         """
         poses = np.ascontiguousarray(poses, dtype=np.float64)
@@ -280,8 +281,8 @@ def simulate_all(
 
 
 def _end(touch: Touch | None, count: int, dt: float) -> tuple[int, Touch | None]:
-    """Steps of `dt` [s] up to the layers' `touch`, and that; `count` where it comes
-    later.
+    """Number of steps of `dt` [s] up to the layers' `touch`, and the touch; all `count`
+    steps and None where it comes later.
     """
     if touch is None or touch.time > count * dt:
         return count, None
@@ -289,8 +290,8 @@ def _end(touch: Touch | None, count: int, dt: float) -> tuple[int, Touch | None]
 
 
 def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array | None:
-    """Gripper poses (n, 3) [m, m, rad] at which strips start to move; None where all
-    lie flat.
+    """Gripper poses (n, 3) [m, m, rad] from which strips start: where a path hangs its
+    first one, else at the lying strip's end; None where no path hangs.
     """
     if not any(path.hanging for path in paths):
         return None

@@ -86,8 +86,8 @@ def _scaled(factor: Any, vector: Any) -> Any:
 
 @kernel
 def _tangent_blocks(work: Any, r: int, inertia: Any) -> Any:
-    """Blocks xx, xz, zx, zz of the tangent matrix A: of node row `r`, with r - 1, with
-    r - 2.
+    """Three 2 x 2 blocks (xx, xz, zx, zz) of the tangent matrix A: of the node at row
+    `r` with itself, with node r - 1 and with node r - 2.
 
     A = sum_j k_j t_j t_j' + S + inertia over the angles j = r - 1, r, r + 1, with k_j =
     d(moment)/d(angle), t_j the angle's turn per motion of the nodes, S the stiffness of
@@ -123,8 +123,8 @@ def _tangent_blocks(work: Any, r: int, inertia: Any) -> Any:
 
 @kernel
 def assemble(block: Any, r: int, rate: Any) -> None:
-    """Assemble and eliminate the x and z rows of the tangent matrix for node row
-    `r`.
+    """Add the equations of the node at row `r` to Newton's system, in x and z, and
+    eliminate them.
     """
     inertia = load(block.nature, r, at.MASS) * rate * rate
     reaction, support = desk_reaction(block, r)
@@ -147,8 +147,7 @@ def assemble(block: Any, r: int, rate: Any) -> None:
 
 @kernel
 def _eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
-    """Factorise row `r` of the tangent matrix and substitute its right-hand `side`
-    forward.
+    """Factorise row `r` of the tangent matrix, and carry its right-hand `side` along.
 
     The entries `row` are A(r, r - j), j = 4..1.
 

@@ -220,8 +220,8 @@ def store_history(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
 
 @kernel
 def predict_terms(block: Any, rate: Any, weights: Any) -> None:
-    """Write drag matrices and BDF2 bases of Maxwell strains for the coming step into
-    `work`.
+    """Prepare the coming step: the drag of each node, and the base from which the rate
+    of each Maxwell strain is taken.
     """
     state = block.state
     newest, older = weights

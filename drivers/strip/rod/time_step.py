@@ -75,16 +75,18 @@ class Pace(NamedTuple):
 
 @kernel
 def weights(omega: float) -> Any:
-    """BDF2 weights of the last and second last value, for a ratio `omega` of step to
-    last step.
+    """Weights of the last and the second last value in the base of a rate, for a ratio
+    `omega` of the step to the last one (BDF2).
     """
     return (1.0 + omega) ** 2 / (1.0 + 2.0 * omega), -(omega**2) / (1.0 + 2.0 * omega)
 
 
 @kernel
 def _predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
-    """Extrapolate the free nodes over a step `h` [s], and store history and BDF2
-    bases.
+    """Start a step of `h` [s]: store the history of the free nodes and extrapolate
+    them, for the step to begin at.
+
+    The base of a node and of its velocity (see the module) go into the work array.
     """
     state = block.state
     work = block.work
@@ -112,7 +114,9 @@ def _predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
 
 @kernel
 def _predict_strain(block: Any, omega: float) -> None:
-    """Store the BDF2 bases of the bending strains in `work`."""
+    """Store the base of each bending strain (see the module), from which the step takes
+    its rate.
+    """
     state = block.state
     newest, older = weights(omega)
     for r in range(1, state.shape[0] - 1):
@@ -316,8 +320,8 @@ def _rewind(block: Any, gate: Any) -> None:
 
 @kernel
 def _copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
-    """Copy fields (first, end) of `source` to `target` from field `to` on, in the lanes
-    `gate`.
+    """Copy the columns `fields` (first, end) of `source` to `target` from column `to`
+    on, in the lanes where `gate` is above 0.
     """
     first, end = fields
     for r in range(target.shape[0]):
@@ -327,8 +331,8 @@ def _copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> N
 
 @kernel
 def _step_in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
-    """Step the lanes `gate` in `parts` equal substeps, the first by Euler; returns
-    failed lanes.
+    """Make a step in `parts` equal substeps, the first by backward Euler, in the lanes
+    where `gate` is above 0; returns the lanes that failed.
     """
     stepping = gate
     for part in range(parts):

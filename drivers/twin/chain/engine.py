@@ -53,8 +53,8 @@ class CommandedGrip:
         return cls(pose, np.zeros(3))
 
     def to(self, pose: Array, h: float) -> Self:
-        """Grip at `pose` (3,) [m, m, rad], with the rate of a move there within `h`
-        [s].
+        """Grip at `pose` (3,) [m, m, rad], moving at the rate that brings it there from
+        here in `h` [s].
         """
         return type(self)(pose, (pose - self.pose) / h)
 
@@ -213,7 +213,9 @@ class Ends:
         self.apply(model, data)
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Write the springs and forces of both ends into `model` and `data`."""
+        """Write the springs and forces of both sliding ends into the MuJoCo `model` and
+        its `data`.
+        """
         for slide in (self.grip, self.edge):
             if slide is not None:
                 slide.apply(model, data)

@@ -301,8 +301,8 @@ def typical_loads(model: Any) -> tuple[Array, Array]:
 
 
 def number_of(model: Any, kind: str, name: str, origin: str, key: str) -> int:
-    """Number of the body, joint, ... called `name`; ConfigurationError lists those that
-    exist.
+    """Number of the body, joint or the like called `name`; ConfigurationError lists
+    those that exist.
     """
     count = {"body": "nbody", "joint": "njnt", "actuator": "nu", "site": "nsite",
              "sensor": "nsensor"}[kind]  # fmt: skip
@@ -408,7 +408,7 @@ def _base_parameter(
 
 
 def _spread_width(spread: float | str, size: float) -> float:
-    """Absolute spread: as stated, or the stated percentage of `size`."""
+    """Absolute spread: the stated one, or the stated percentage of `size`."""
     if isinstance(spread, str):
         return float(spread.rstrip("%")) / 100.0 * max(abs(size), SMALLEST)
     return float(spread)

@@ -90,8 +90,8 @@ def accepted_content(
 def accepted_xml(
     mechanism: Mechanism, edited: Any, remarks: Mapping[str, str] | None = None
 ) -> str:
-    """MJCF text of the model of `m` with what differs in the fields of the `edited`
-    one.
+    """MJCF text of the model of `mechanism`, with whatever differs in the fields of the
+    `edited` one.
 
     `remarks` by name become texts of the model, in place of those that it has.
     """

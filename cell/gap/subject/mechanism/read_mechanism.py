@@ -264,8 +264,8 @@ def _signal(
 def _with_noise(
     signal: Signal, spec: SignalSpec, recordings: Sequence[Recording], origin: str
 ) -> Signal:
-    """Copy of `signal` with its noise, as stated or by repeats, and a torque's model
-    error.
+    """Copy of `signal` with the noise that is stated or seen in repeats, and the error
+    of a torque by its model.
     """
     name = signal.name
     floor = signal.floor

@@ -240,7 +240,9 @@ class MechanismSubject(Subject):
         return residuals
 
     def _case(self, request: SimulationRequest) -> Case:
-        """Prediction that a request asks for, with its values in the model's units."""
+        """What to predict for a request: how to edit the model, the errors of reading,
+        and where the motion starts.
+        """
         mechanism = self.mechanism
         run = request.run
         content: Content = run.content
@@ -367,7 +369,9 @@ class MechanismSubject(Subject):
 
 
 def _known(mechanism: Mechanism, effects: NamedValues) -> Known:
-    """Effects of `m` by name, with their values in order."""
+    """Effects of `mechanism` by name, each with its values in the order of its
+    parameters.
+    """
     named = [(library()[name], values) for name, values in effects.items()]
     return [(each, ordered_values(each, mechanism, values)) for each, values in named]
 
@@ -375,8 +379,8 @@ def _known(mechanism: Mechanism, effects: NamedValues) -> Known:
 def _edited(
     mechanism: Mechanism, load: Load | None, base: Array, effects: Known, model: Any
 ) -> Any:
-    """Copy of a `model` with base (k,), load of a run and effects in its fields or
-    laws.
+    """Copy of a MuJoCo `model` that has the base (k,), the load of a run and the
+    effects in its fields or laws.
     """
     edited = copy.copy(model)
     for b, value in zip(mechanism.base, base, strict=True):

@@ -44,8 +44,8 @@ def _edit_inertia(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def _carried_bodies(mechanism: Mechanism) -> list[int]:
-    """Numbers of the bodies with joints that other joints carry: where they lie, others
-    move.
+    """Numbers of the bodies whose joints are carried by other joints: an error of their
+    place shows in the motion.
     """
     model = mechanism.model
     bodies = np.unique(model.jnt_bodyid)
