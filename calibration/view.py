@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from calibration.homography import PlaneMap
+from drivers.base.geometry import lengths
 from drivers.base.readers import picture_of
 from drivers.base.settings import Settings
 from drivers.base.types import Array, Image, Pose, frozen
@@ -110,7 +111,7 @@ class ImageMotion:
 
     def largest(self) -> float:
         """Largest shift [px] over the image."""
-        return float(np.hypot(*self.shift(GRID * self.size).T).max())
+        return float(lengths(self.shift(GRID * self.size)).max())
 
     def in_plane(self, positions: Array, plane_map: PlaneMap) -> Array:
         """Shifts (n, 2) x, z [m] in the near edge's plane of the points at
@@ -121,7 +122,7 @@ class ImageMotion:
 
     def largest_in_plane(self, plane_map: PlaneMap) -> float:
         """Largest shift [m] in the near edge's plane over the image."""
-        return float(np.hypot(*self.in_plane(GRID * self.size, plane_map).T).max())
+        return float(lengths(self.in_plane(GRID * self.size, plane_map)).max())
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +237,7 @@ def _slack(shifts: Array) -> float:
     """
     if len(shifts) == 0:
         return MODEL_SIGMA
-    typical = float(np.median(np.hypot(*shifts.T)))
+    typical = float(np.median(lengths(shifts)))
     return hypot(MODEL_SIGMA, DEPTH_SHARE * typical)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.base.errors import in_mm
+from drivers.base.geometry import lengths
 
 DOUBTED, REFUTED = 4.0, 10.0  # spreads; 6e-5 of normal differences are larger than four
 BY_HAND = 0.001  # m, assumed: how well a person lays an edge on a line
@@ -115,9 +116,9 @@ def held_end_offset(seen: StripMeasurement) -> float:
     seen below them leads there.
     """
     away = seen.profile - np.array(seen.gripper)
-    if len(away) == 0 or np.hypot(*away[-1]) >= SEEN_END:
+    if len(away) == 0 or lengths(away[-1]) >= SEEN_END:
         return nan
-    x, z = away[np.hypot(*(away - away[-1]).T) <= LAST].T
+    x, z = away[lengths(away - away[-1]) <= LAST].T
     upright = np.column_stack([np.ones_like(z), z**2])
     return float(np.linalg.lstsq(upright, x)[0][0])
 

@@ -24,7 +24,7 @@ from cell.perception.region import (
 from cell.perception.scene import Appearance
 from cell.perception.silhouette import FingerZone, outer_side, silhouette
 from cell.perception.strip_measurement import StripMeasurement
-from drivers.base.geometry import arc_lengths
+from drivers.base.geometry import arc_lengths, lengths
 from drivers.base.types import Array, Frame, Image, Pose
 from drivers.franka.shapes import TIP_AHEAD
 from drivers.strip.file import StripFile
@@ -326,7 +326,7 @@ class Perception:
 
         It is 1 up to an error of LENGTH_ERROR, and 0 from twice that on.
         """
-        missing = np.hypot(*(midline[-1] - (gripper.x, gripper.z)))
+        missing = lengths(midline[-1] - (gripper.x, gripper.z))
         length = contact.x + arc_lengths(midline)[-1] + missing
         error = max(abs(length - self._strip.length), missing - REACH)
         return float(np.clip(2 - error / LENGTH_ERROR, 0.0, 1.0))
@@ -354,7 +354,7 @@ class Perception:
         edge = self._outer_edge(gripper, tangent)
         plane = np.array([(contact.x, 0.0), edge, edge + TANGENT_STEP * tangent])
         start, point, behind = self._calibration.to_image(plane) - region.origin
-        direction = (behind - point) / np.hypot(*(behind - point))
+        direction = (behind - point) / lengths(behind - point)
         clearance = GRIPPER_CLEARANCE / self._sizes.scale
         return start, FingerZone(
             point=point,

@@ -13,7 +13,7 @@ from calibration.calibration import Calibration
 from cell.perception.kernels import ZERO_LEVEL, strip_share
 from cell.perception.region import Sizes
 from cell.perception.silhouette import Side
-from drivers.base.geometry import even_points, left_normals, running_sums
+from drivers.base.geometry import even_points, left_normals, lengths, running_sums
 from drivers.base.types import Array, Image
 
 PLATEAU = (0.55, 1.3)  # matte levels of the strip as its brightness varies
@@ -180,7 +180,7 @@ class OuterSide:
         """Outer side of the strip whose image is `side`."""
         points = geometry.plane(side.points)
         out = geometry.plane(side.points + side.normals) - points
-        sizes = np.hypot(*out.T)  # m of a pixel
+        sizes = lengths(out)  # m of a pixel
         out /= sizes[:, None]
         lever = ((points - geometry.calibration.viewpoint.foot()) * out).sum(axis=1)
         swept = np.abs(lever) * geometry.sweep
@@ -279,7 +279,7 @@ def _average_in_order(points: Array, tangents: Array) -> Array:
     if len(points) < FEWEST_POINTS:
         return np.empty((0, 2))
     mean = tangents[1:] + tangents[:-1]
-    mean /= np.maximum(np.hypot(*mean.T), 1e-9)[:, None]
+    mean /= np.maximum(lengths(mean), 1e-9)[:, None]
     steps = (np.diff(points, axis=0) * mean).sum(axis=1)
     travel = running_sums(steps)
 

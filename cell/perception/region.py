@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
 from cell.perception.kernels import CELL_PX, PATCH_PX
+from drivers.base.geometry import lengths
 from drivers.base.types import Array, Image, Pose
 from drivers.franka.shapes import FINGER, PALM, TIP_AHEAD, side_view
 
@@ -47,7 +48,7 @@ class Sizes:
         u = lens.width / 2
         v = lens.height / 2
         pixel, following = calibration.to_plane(np.array([(u, v), (u + 1, v)]))
-        scale = float(np.hypot(*(following - pixel)))
+        scale = float(lengths(following - pixel))
         return cls(
             scale=scale,
             light=max(_odd(LIGHT_WINDOW / scale / PATCH_PX), 3),

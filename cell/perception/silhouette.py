@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL, Offsets, silhouette_of
 from cell.perception.region import Sizes
-from drivers.base.geometry import left_normals, moving_average
+from drivers.base.geometry import left_normals, lengths, moving_average
 from drivers.base.types import Array, Image
 
 SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk
@@ -119,7 +119,7 @@ def outer_side(
     wrapped = np.vstack([ring[-AVERAGE:], ring, ring[:AVERAGE]])
     smooth = moving_average(wrapped, 2 * AVERAGE + 1)
     tangent = np.roll(smooth, -2, axis=0) - np.roll(smooth, 2, axis=0)
-    speed = np.hypot(*tangent.T)
+    speed = lengths(tangent)
     tangent /= np.maximum(speed, 1e-9)[:, None]
     normals = left_normals(tangent)
 
@@ -171,11 +171,11 @@ def _bridge_regions(
     """
     others = [outline for outline in outlines if outline is not body]
     bridged = False
-    while others and np.hypot(*(body - gripper).T).min() > AT_GRIP:
+    while others and lengths(body - gripper).min() > AT_GRIP:
         pairs = [_closest(body, other) for other in others]
-        lengths = [np.hypot(*(start - end)) for start, end in pairs]
-        nearest = int(np.argmin(lengths))
-        if lengths[nearest] > longest:
+        gaps = [lengths(start - end) for start, end in pairs]
+        nearest = int(np.argmin(gaps))
+        if gaps[nearest] > longest:
             break
 
         start, end = pairs[nearest]
@@ -199,7 +199,7 @@ def _outlines(mask: Image) -> list[Outline]:
 
 def _nearest(outlines: list[Outline], point: Array) -> Outline:
     """Outline among `outlines` that comes nearest to `point` (2,) [px]."""
-    return min(outlines, key=lambda outline: np.hypot(*(outline - point).T).min())
+    return min(outlines, key=lambda outline: lengths(outline - point).min())
 
 
 def _facing_tips(outline: Outline, longest: float) -> list[tuple[Outline, Outline]]:
@@ -210,7 +210,7 @@ def _facing_tips(outline: Outline, longest: float) -> list[tuple[Outline, Outlin
     pairs = []
     for i, j in combinations(range(len(tips)), 2):
         across = (tips[j] - tips[i]).astype(np.float64)
-        length = np.hypot(*across)
+        length = lengths(across)
         # px, cosine times length
         aligned = min(directions[i] @ across, -(directions[j] @ across))
         if 0.0 < length < longest and aligned > FACING * length:
@@ -227,8 +227,8 @@ def _tips(outline: Outline) -> tuple[Outline, Array]:
     after = np.roll(outline, -TIP_ARM, axis=0)
     before = np.roll(outline, TIP_ARM, axis=0)
     outwards = outline - 0.5 * (after + before)
-    length = np.hypot(*outwards.T)
-    is_narrow = np.hypot(*(after - before).T) < TIP_WIDTH
+    length = lengths(outwards)
+    is_narrow = lengths(after - before) < TIP_WIDTH
     is_tip = is_narrow & (length > 0.6 * TIP_ARM)
 
     first = np.flatnonzero(is_tip & ~np.roll(is_tip, 1))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cell.base.config.settings import FoldSettings
-from drivers.base.geometry import arc_lengths
+from drivers.base.geometry import arc_lengths, lengths
 from drivers.base.installation import Installation, MotionLimits
 from drivers.base.types import Array, Pose
 from drivers.franka.shapes import ROOM, TIP_AHEAD
@@ -195,6 +195,6 @@ def _thin_out(points: Array) -> Array:
     """Points of a path at least POINT_SPACING apart, the last one kept."""
     kept = [points[0]]
     for point in points[1:]:
-        if np.hypot(*(point - kept[-1])) >= POINT_SPACING:
+        if lengths(point - kept[-1]) >= POINT_SPACING:
             kept.append(point)
     return np.array([*kept, points[-1]])

@@ -10,6 +10,7 @@ from calibration.calibration import Calibration, change_calibration
 from calibration.homography import Homography
 from cell.base.config.cell import CellFile
 from cell.base.devices.devices import ArmHistory, Devices
+from drivers.base.geometry import lengths
 from drivers.base.protocols import Arm, Hand
 from drivers.base.types import ArmState, Array, Pose, Velocity
 from drivers.strip.describe import describe
@@ -153,7 +154,7 @@ class CorrectedArm:
         if start is None or not 0 < self._offsets.fraction < 1:
             return np.zeros(3)
         path = (self._reported - start)[:2]
-        outward = float(path @ (rate.vx, rate.vz)) / max(float(np.hypot(*path)), 1e-9)
+        outward = float(path @ (rate.vx, rate.vz)) / max(float(lengths(path)), 1e-9)
         full = true_poses(self._rig, np.zeros(3), 1.0)
         return np.asarray(full * max(outward, 0.0) / LIFT_TRAVEL)
 

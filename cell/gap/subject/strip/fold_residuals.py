@@ -17,7 +17,7 @@ from cell.gap.subject.strip.midline_residuals import (
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Residuals, Samples, Series, Words
-from drivers.base.geometry import interpolate_columns
+from drivers.base.geometry import interpolate_columns, lengths
 from drivers.base.types import Array
 from drivers.strip.engine import StripMotion, Touch
 from drivers.strip.model import StripModel
@@ -113,7 +113,7 @@ def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
     places = run.poses[:, :2]
     before, after = (interpolate_columns(at, rows, places) for at in (begin, end))
     rate = (after - before) / np.maximum(end - begin, 1e-9)[:, None]
-    return np.hypot(*rate.T), rate[:, 0]
+    return lengths(rate), rate[:, 0]
 
 
 @dataclass(frozen=True, slots=True)

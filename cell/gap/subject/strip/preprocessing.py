@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cell.record.columns import Profile
-from drivers.base.geometry import interpolate_columns
+from drivers.base.geometry import interpolate_columns, lengths
 from drivers.base.types import Array, frozen
 
 SMOOTHING_STEP = 0.005  # s between the points that are smoothed
@@ -128,8 +128,8 @@ def _inlier_mask(curve: Array, sigma: float) -> NDArray[np.bool_]:
     """
     if len(curve) <= MEDIAN_WINDOW:
         return np.ones(len(curve), dtype=bool)
-    off = np.hypot(*(curve - _running_median(curve)).T)
-    spacing = np.median(np.hypot(*np.diff(curve, axis=0).T))
+    off = lengths(curve - _running_median(curve))
+    spacing = np.median(lengths(np.diff(curve, axis=0)))
     near: NDArray[np.bool_] = off < OUTLIER_SIGMAS * sigma + spacing
     return near
 
