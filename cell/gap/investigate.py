@@ -69,7 +69,6 @@ def investigate(
     held_out: Sequence[str],
     simulate: Simulate,
     progress: Progress,
-    seed: int = 0,
 ) -> Findings:
     """Find which effects the model of `subject` lacks, and test them on the runs
     `held_out`.
@@ -83,7 +82,7 @@ def investigate(
         simulate=simulate,
         progress=progress,
         fitted=fitted,
-        rng=np.random.default_rng(seed),
+        rng=np.random.default_rng(0),
     )
     models = stages.extend(stages.begin(), refit_singles, 0.4)
     models = stages.extend(models, refit_further, 0.75)

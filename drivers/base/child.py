@@ -60,7 +60,7 @@ class ChildDied(Exception):
     The code of a process that a signal ended is the signal's number, negated.
     """
 
-    def __init__(self, code: int | None, failure: Failure | None = None) -> None:
+    def __init__(self, code: int | None, failure: Failure | None) -> None:
         reason = "" if failure is None else f"{failure.error}: {failure.text}"
         super().__init__(reason or f"it ended by itself, code {code}")
         self.code = code

@@ -4,9 +4,10 @@ base frame.
 
 from dataclasses import dataclass
 from math import cos, sin
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.base.types import Array
 
@@ -79,7 +80,7 @@ def running_sums(steps: Array) -> Array:
     return np.concatenate([np.zeros((1, *steps.shape[1:])), steps.cumsum(axis=0)])
 
 
-def lengths(vectors: Array) -> Array:
+def lengths(vectors: NDArray[Any]) -> Array:
     """Lengths (...,) of `vectors` (..., 2)."""
     sizes: Array = np.hypot(*np.moveaxis(vectors, -1, 0))
     return sizes

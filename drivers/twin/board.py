@@ -50,7 +50,7 @@ def board_frame(
     board: cv2.aruco.CharucoBoard,
     pose: Array,
     seed: int,
-    sequence: int = 0,
+    sequence: int,
 ) -> Frame:
     """Render the camera's image of `board` at rest at `pose` (4, 4) in the cell frame.
 

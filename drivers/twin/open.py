@@ -107,8 +107,8 @@ def open_desk(
     settings: TwinSettings,
     plant: StripFile,
     seed: int,
-    index: int = 0,
-    installation: Installation = DEFAULT_INSTALLATION,
+    index: int,
+    installation: Installation,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Desk:
     """Create a desk with strip and camera on `clock`, whose gripper an external arm

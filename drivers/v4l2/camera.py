@@ -392,7 +392,7 @@ def report(kernel: Kernel, link: str) -> CameraReport:
         device.close()
 
 
-def _device_links(links: Path = DEVICE_LINKS_FOLDER) -> list[str]:
+def _device_links(links: Path) -> list[str]:
     """Udev links in the folder `links`, one per video device: by id or else by path."""
     links_by_device: dict[Path, str] = {}
     for kind in ("by-id", "by-path"):

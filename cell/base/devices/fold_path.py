@@ -92,7 +92,7 @@ def taut_edge(touch: Touch) -> float:
     return touch.x - touch.to_grasped
 
 
-def edge_target(taut: float, goal: float = 0.0) -> float:
+def edge_target(taut: float, goal: float) -> float:
     """Target x [m] of the grasped edge: `goal`, within PULL of the `taut` upper
     layer's end [m].
 

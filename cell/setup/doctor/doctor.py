@@ -101,7 +101,7 @@ def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
             yield devices.network(address, seconds)
 
 
-def motion_checks(settings: CellFile, *, camera: bool = False) -> Iterator[Check]:
+def motion_checks(settings: CellFile, *, camera: bool) -> Iterator[Check]:
     """Yield each check that a motion of a real robot by hand needs; none for another
     arm.
 

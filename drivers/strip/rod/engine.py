@@ -236,8 +236,8 @@ def simulate_all(
     models: Sequence[StripModel],
     paths: Sequence[GripperPath],
     *,
-    dt: float = 0.005,
-    every: int = 0,
+    dt: float,
+    every: int,
     precision: type[np.floating] = np.float64,
 ) -> list[StripMotion]:
     """Simulate each of `models` along its path of `paths`, all in one batch, in steps

@@ -239,7 +239,7 @@ class ChainStrip:
     """
 
     def __init__(
-        self, model: StripModel, links: int, foreign: Sequence[ExtraForce] = ()
+        self, model: StripModel, links: int, foreign: Sequence[ExtraForce]
     ) -> None:
         self._description = model
         self._links = links

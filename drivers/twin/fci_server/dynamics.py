@@ -150,7 +150,7 @@ class LaggingArm:
         tool: Array,
         delay: float,
         lag: float,
-        sag: Sag | None = None,
+        sag: Sag | None,
     ) -> None:
         """Arm at rest in `posture` with `tool` (4, 4) in the flange's frame."""
         self._tool = tool

@@ -39,7 +39,7 @@ def stage(
     optics: Optics,
     look: StripLook,
     rng: np.random.Generator,
-    things: Sequence[Thing] = (),
+    things: Sequence[Thing],
 ) -> Image:
     """Draw the empty cell (height, width, 3) BGR, before the lens blurs it.
 

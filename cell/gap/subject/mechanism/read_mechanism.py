@@ -127,9 +127,7 @@ def open_file(path: Path, model: Path | None = None) -> Mechanism:
     )
 
 
-def open_all(
-    path: Path, folders: Sequence[RunFolder], model: Path | None = None
-) -> Mechanism:
+def open_all(path: Path, folders: Sequence[RunFolder], model: Path | None) -> Mechanism:
     """Mechanism at `path`, maybe with another `model`, and its measured runs;
     ConfigurationError for broken input.
     """

@@ -118,7 +118,7 @@ class Simulation:
     there are.
     """
 
-    def __init__(self, threads: int = 1) -> None:
+    def __init__(self, threads: int) -> None:
         self._threads = max(1, threads)
         self._cache: OrderedDict[bytes, SimulatedMotion | None] = OrderedDict()
         self._size = 0

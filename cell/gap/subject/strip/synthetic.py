@@ -104,8 +104,8 @@ class Fold:
 def rod_folds(
     models: Sequence[StripModel],
     paths: Sequence[GripperPath],
-    segments: int = 200,
-    dt: float = 0.0025,
+    segments: int,
+    dt: float,
 ) -> list[Fold]:
     """Folds simulated by the rod, of each of `models` along the path of the same
     index.
