@@ -24,7 +24,9 @@ class WantedView(BoardPlacement):
 
     def __str__(self) -> str:
         words = (_words(self.y, "high", "low"), _words(self.x, "left", "right"))
-        where = " and ".join(word for word in words if word != "middle") or "the middle"
+        where = (
+            " and ".join(word for word in words if word != "middle") or "in the middle"
+        )
         leans = [
             _lean_words(self.tilt, "top away", "top nearer"),
             _lean_words(self.turn, "right edge away", "right edge nearer"),

@@ -114,9 +114,7 @@ class FoldLog(Log):
         if expected is not None and not blind:
             displacement, sigma = expected
             difference = touch.displacement - displacement
-            self.witnesses.append(
-                LengthCheck("displacement", difference, {"prediction": sigma})
-            )
+            self.witnesses.append(LengthCheck("displacement", difference, sigma))
 
     def completion(self) -> Outcome:
         """Outcome of the fold, exit code 0 where the layers touched and lengths

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Generator
 from dataclasses import asdict
-from math import inf, isfinite, nan, sqrt
+from math import hypot, inf, isfinite, nan, sqrt
 
 import numpy as np
 
@@ -409,12 +409,9 @@ def _compare_edges(given: FoldInputs, log: FoldLog, loop: Loop, edge: Pose) -> N
     """
     beyond = edge_offset(given.strip.length, given.strip.thickness, loop)
     log.edge_offset = beyond + given.goal
-    spreads = {
-        "map, twice": 2.0 * given.calibration.residual,
-        "loop": LaidWeights.shipped().rms,
-        "bend": fold_path.BENDING,
-    }
-    log.witnesses.append(LengthCheck("edges", beyond + edge.x, spreads))
+    by_map = 2.0 * given.calibration.residual
+    spread = hypot(by_map, LaidWeights.shipped().rms, fold_path.BENDING)
+    log.witnesses.append(LengthCheck("edges", beyond + edge.x, spread))
 
 
 def _lying_strip(

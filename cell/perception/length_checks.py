@@ -2,7 +2,7 @@
 independently.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import hypot, nan
 
@@ -53,20 +53,12 @@ KINDS = {
 class LengthCheck:
     """Difference [m] between two independent measurements of a length, `name`.
 
-    `parts` are the standard deviations [m] that the difference usually has, by their
-    origin.
+    `spread` is the standard deviation [m] that the difference usually has.
     """
 
     name: str
     difference: float
-    parts: Mapping[str, float]
-
-    @property
-    def spread(self) -> float:
-        """Standard deviation [m] that the difference of the two measurements usually
-        has.
-        """
-        return hypot(*self.parts.values())
+    spread: float
 
     @property
     def ratio(self) -> float:
@@ -83,13 +75,10 @@ class LengthCheck:
     def sentence(self) -> str:
         """Text for the operator: which lengths disagree, by how much, what to check."""
         sources, remedy = KINDS[self.name]
-        parts = " and ".join(
-            f"{what} {in_mm(sigma, 2)}" for what, sigma in self.parts.items()
-        )
         return (
             f"{self.name.replace('_', ' ')}: {sources} differ by"
-            f" {1e3 * self.difference:+.1f} mm, {self.ratio:.0f} sigma; one sigma is"
-            f" {in_mm(self.spread, 1)}, from {parts}; {remedy}"
+            f" {1e3 * self.difference:+.1f} mm, {self.ratio:.0f} times the usual"
+            f" {in_mm(self.spread, 1)}; {remedy}"
         )
 
     def facts(self) -> dict[str, str | float]:
@@ -130,8 +119,5 @@ def compare_grip(offsets: Sequence[float], residual: float) -> tuple[LengthCheck
     known = np.array(offsets)[np.isfinite(offsets)]
     if len(known) < FEWEST_IMAGES:
         return ()
-    return (
-        LengthCheck(
-            "grip", float(np.median(known)), {"map": residual, "held point": BY_TOOL}
-        ),
-    )
+    spread = hypot(residual, BY_TOOL)
+    return (LengthCheck("grip", float(np.median(known)), spread),)

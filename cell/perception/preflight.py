@@ -277,9 +277,7 @@ def _check_length(
             f" {in_mm(strip.length)}, allowed within {in_mm(LENGTH_TOLERANCE)}"
         ),
         remedy="push the fixed edge to x = 0, or state the strip's own length",
-        witness=LengthCheck(
-            "free_edge", error, {"map": residual, "laid by hand": BY_HAND}
-        ),
+        witness=LengthCheck("free_edge", error, hypot(residual, BY_HAND)),
     )
 
 

@@ -8,6 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import fields
 from datetime import UTC, datetime, timedelta
+from itertools import islice
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
@@ -268,14 +269,22 @@ def remove(rows: Sequence[RunRow]) -> int:
     return sum(row.size for row in rows)
 
 
-def earlier_results(folder: Path, strip: str, count: int) -> list[Result]:
-    """Results of the last `count` folds of a `strip` beside and before the run in
-    `folder`, as far as they can be read.
+def earlier_results(
+    folder: Path, strip: str, policy: str | None, count: int
+) -> list[Result]:
+    """Results of the last `count` folds of a `strip` by a `policy` beside and before
+    the run in `folder`, as far as they can be read.
     """
     begins = f"-{strip}-fold-"
     beside = sorted(run for run in folder.parent.iterdir() if begins in run.name)
+    before = (run for run in reversed(beside) if run.name < folder.name)
+    alike = (
+        run
+        for run in before
+        if (_document(run / RUN, {"policy"}) or {}).get("policy") == policy
+    )
     results = []
-    for run in [each for each in beside if each.name < folder.name][-count:]:
+    for run in islice(alike, count):
         with suppress(ConfigurationError, OSError):
             results.append(read_result(run))
     return [result for result in results if result is not None]

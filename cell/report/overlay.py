@@ -29,7 +29,7 @@ from drivers.strip.file import StripFile
 Item = TypeVar("Item")
 SHOWN_IMAGES = 6
 SHOWN_OUTLINES = 24  # of the strip as it is laid, over the film
-WIDTH, CLOSE_WIDTH = 960, 960  # px
+WIDTH = 960  # px
 VIEW_MARGIN = 0.06  # m around the motion
 # m by which a fold stands out beyond the gripper; before, the gripper is in front
 FOLDED = 0.005
@@ -137,7 +137,7 @@ def key_pictures(
         calibration = _map_of(image, run)
         if calibration is not None:
             image = window_on(run.ticks, calibration).crop(image)
-        pictures.append(_key_picture(image, WIDTH, _caption(note, run), note))
+        pictures.append(_key_picture(image, _caption(note, run), note))
     return tuple(pictures)
 
 
@@ -156,13 +156,13 @@ def evenly_chosen(items: Sequence[Item], count: int) -> list[Item]:
     return [items[i] for i in np.unique(indices)]
 
 
-def _key_picture(image: Image, width: int, caption: str, note: FrameNote) -> KeyPicture:
-    """Picture for a page from `image`, `width` [px] wide, that links to the file of its
-    `note`, if it is stored.
+def _key_picture(image: Image, caption: str, note: FrameNote) -> KeyPicture:
+    """Picture for a page from `image` that links to the file of its `note`, if it is
+    stored.
     """
     stored = note.file is not None
     whole = frame_file(Path(), note.sequence).as_posix() if stored else ""
-    return KeyPicture(jpeg_text(image, width), caption, whole)
+    return KeyPicture(jpeg_text(image, WIDTH), caption, whole)
 
 
 def close_ups(run: Run, shown: ShownImages) -> tuple[KeyPicture, ...]:
@@ -178,7 +178,7 @@ def close_ups(run: Run, shown: ShownImages) -> tuple[KeyPicture, ...]:
             if calibration is not None:
                 part = _laid_part(image, calibration, reach)
                 caption = f"{words}  ·  image at {seconds(note.stamp)}"
-                pictures.append(_key_picture(part, CLOSE_WIDTH, caption, note))
+                pictures.append(_key_picture(part, caption, note))
     return tuple(pictures)
 
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from cell.perception.length_checks import DOUBTED
 from cell.record.events import NOT_LEARNED
 from cell.record.files import RESULT, is_under_way
 from cell.record.header import LAID, Result
@@ -14,12 +13,16 @@ from cell.record.listing import earlier_results
 from cell.record.run import Run
 from cell.report.html import Tone
 from cell.report.words import millimetres, outcome_title, plural, seconds
+from drivers.base.errors import in_mm
 
 # events that an operator should know of
 WARNINGS = frozenset({"camera_unwatched", NOT_LEARNED})
 # m of displacement to count as folded (Petrik and Kyrki, IROS 2019)
 FOLDED_TOLERANCE = 0.020
 EARLIER_FOLDS = 20  # beside which a fold's numbers are drawn
+LEAST_FOLDS = 3  # from which on a fold is normal or not among them
+USUAL = 2.0  # sigma, within which 19 of 20 numbers lie
+FORETOLD = "difference from the prediction"
 LEAST_SCALE = 0.002  # m, to which numbers are drawn at least
 
 
@@ -50,13 +53,13 @@ def verdict(run: Run) -> str:
 
 @dataclass(frozen=True, slots=True)
 class KeyFigure:
-    """Number of weight on a fold with text of its `sigma`; the `true` and the `earlier`
-    ones, each [m].
+    """Number of weight on a fold with its `sigma`, the `true` one on the twin and those
+    of `earlier` folds, each [m].
     """
 
     name: str
     value: float
-    sigma: str
+    sigma: float
     true: float | None
     earlier: tuple[float, ...]
 
@@ -67,7 +70,14 @@ class KeyFigure:
         true = ""
         if self.true is not None:
             true = f"; true on the twin {millimetres(self.true, signed=True)}"
-        return f"{side}, {self.sigma}{true}"
+        return f"{side}, {self.margin}{true}"
+
+    @property
+    def margin(self) -> str:
+        """Words on the number's error, or on how large a difference usually is."""
+        if self.name == FORETOLD:
+            return f"up to {millimetres(USUAL * self.sigma)} is usual"
+        return f"± {millimetres(self.sigma)}"
 
     @property
     def text(self) -> str:
@@ -76,14 +86,24 @@ class KeyFigure:
 
     @property
     def history(self) -> str:
-        """Words on the same number of the folds before."""
+        """Words on the same number of the folds before; empty without one."""
         earlier = self.earlier
         if not earlier:
-            return "no earlier fold of this strip"
+            return ""
         ends = (min(earlier), max(earlier))
         texts = (millimetres(end, signed=True) for end in ends)
         span = " to ".join(dict.fromkeys(texts))
         return f"{plural(len(earlier), 'fold')} before: {span}"
+
+    def standing(self, usual: Sequence[float]) -> str:
+        """Words on whether the number lies among `usual` ones [m], as far as it is
+        known.
+        """
+        error = USUAL * self.sigma
+        if min(usual) - error <= self.value <= max(usual) + error:
+            return "Normal"
+        is_better = abs(self.value) < min(map(abs, usual))
+        return "Better than usual" if is_better else "Not normal"
 
     @property
     def place(self) -> float:
@@ -108,39 +128,57 @@ def weights(run: Run, truth: Mapping[str, Any]) -> list[KeyFigure]:
     own = run.result
     if own is None or own.displacement is None:
         return []
-    folds = [own, *earlier_results(run.folder, run.header.strip, EARLIER_FOLDS)]
-    sigma, surprises = run.header.sigma, [_surprise(fold) for fold in folds]
-    numbers: dict[str, tuple[str, float | None, list[float | None]]] = {
-        "upper edge, laid down": (
-            millimetres(sigma.edge_offset or sigma.displacement),
+    header, sigma = run.header, run.header.sigma
+    earlier = earlier_results(run.folder, header.strip, header.policy, EARLIER_FOLDS)
+    folds = [own, *earlier]
+    surprises = [*map(_surprise, folds)]
+    numbers: dict[str, tuple[float, float | None, list[float | None]]] = {
+        "edges, once laid down": (
+            sigma.edge_offset or sigma.displacement,
             truth.get("edge_offset"),
             [fold.edge_offset for fold in folds],
         ),
-        "upper layer, at the touch": (
-            millimetres(sigma.displacement),
+        "layers, at their first touch": (
+            sigma.displacement,
             truth.get("displacement"),
             [fold.displacement for fold in folds],
         ),
-        "beside what the model predicted": (
-            f"{millimetres(surprises[0][1])} expected",
-            None,
-            [difference for difference, _ in surprises],
-        ),
+        FORETOLD: (surprises[0][1], None, [surprise for surprise, _ in surprises]),
     }
     found = []
     for name, (error, true, (value, *others)) in numbers.items():
         before = tuple(other for other in others if other is not None)
         if value is not None:
-            found.append(KeyFigure(name, value, f"± {error}", true, before))
+            found.append(KeyFigure(name, value, error, true, before))
     return found
 
 
-def _surprise(fold: Result) -> tuple[float | None, float | None]:
-    """Difference of the displacement of a `fold` from its prediction, and the expected
-    spread [m]; None where nothing was predicted.
+def _standing(run: Run) -> str:
+    """Sentence on whether a fold is normal: among those before it or, of too few,
+    beside its prediction.
+    """
+    numbers = weights(run, {})
+    first, last = numbers[0], numbers[-1]
+    header = run.header
+    of = f"of {header.strip}" + (f" by {header.policy}" if header.policy else "")
+    count = len(first.earlier)
+    if count >= LEAST_FOLDS:
+        return f"{first.standing(first.earlier)} for a fold {of}: {first.history}."
+
+    before = plural(count, "fold") if count else "no fold"
+    few = f"{before} {of} before it"
+    if last.name != FORETOLD:
+        return f"Normal or not is unknown: nothing was predicted, {few}."
+    off = f"{last.text} from the prediction, {last.margin}"
+    return f"{last.standing((0.0,))}: {off} ({few})."
+
+
+def _surprise(fold: Result) -> tuple[float | None, float]:
+    """Difference of the displacement of a `fold` from its prediction, None where
+    nothing was predicted, and its spread [m].
     """
     notes = (note for note in fold.witnesses if note.name == "displacement")
-    return next(((note.difference, note.spread) for note in notes), (None, None))
+    return next(((note.difference, note.spread) for note in notes), (None, 0.0))
 
 
 def verdict_of(run: Run, under_way: bool = False) -> PageVerdict:
@@ -168,6 +206,7 @@ def _fold_verdict(run: Run, result: Result, displacement: float) -> PageVerdict:
         tone=tone,
         headline=_fold_headline(result, is_half=line is None),
         sentences=(
+            _standing(run),
             *(doubts or [_next_step(run, tone)]),
             *([] if line is None else [_line_sentence(line)]),
             *warnings,
@@ -200,12 +239,11 @@ def _fold_tone(result: Result, displacement: float, doubts: Sequence[str]) -> To
 
 def _next_step(run: Run, tone: Tone) -> str:
     """Sentence on what to do after a fold that nothing speaks against."""
-    within = f"the {millimetres(FOLDED_TOLERANCE)} that count as folded"
+    within = f"the {in_mm(FOLDED_TOLERANCE)} that count as folded"
     if tone == "good":
-        differ = f"no two measurements differ by more than {DOUBTED:.0f} sigma"
-        return f"Nothing to mend: within {within}, and {differ}."
+        return f"Next: nothing to mend, it lies within {within}."
     strip = run.header.strip
-    return f"Beyond {within}: `cell gap plan --strip {strip}` finds what is missing."
+    return f"Next: `cell gap plan --strip {strip}` finds why it lies beyond {within}."
 
 
 def _line_sentence(line: float) -> str:

@@ -15,8 +15,17 @@ from cell.record.files import FILM, REPORT
 from cell.record.frames import read_index
 from cell.record.listing import RunRow, read_row
 from cell.record.run import Run, read_broken_run
-from cell.report.drawing import MUTED, as_svg, canvas
-from cell.report.figures import drawings
+from cell.report.drawing import (
+    BLUE,
+    GREEN,
+    MUTED,
+    ORANGE,
+    PURPLE,
+    RED,
+    as_svg,
+    canvas,
+)
+from cell.report.figures import NOTE, drawings
 from cell.report.html import Link, jpeg_text, page
 from cell.report.overlay import ShownImages
 from cell.report.page import (
@@ -27,9 +36,17 @@ from cell.report.page import (
     stated_settings,
     truth_of,
 )
-from cell.report.page_verdict import PageVerdict
-from cell.report.words import NO_VALUE, PARAMETERS, millimetres, plain, plural, seconds
-from drivers.base.errors import ConfigurationError
+from cell.report.page_verdict import FOLDED_TOLERANCE, PageVerdict
+from cell.report.words import (
+    MINUS,
+    NO_VALUE,
+    PARAMETERS,
+    millimetres,
+    plain,
+    plural,
+    seconds,
+)
+from drivers.base.errors import ConfigurationError, in_mm
 from drivers.base.outputs import write_output
 from drivers.base.readers import read_picture
 
@@ -37,20 +54,16 @@ PICTURED = 300  # newest runs with a thumbnail; more would make the page heavy
 THUMBNAIL_WIDTH = 128  # px
 COLUMN_HEADINGS = (
     "run",
-    "edges mm",
-    "touch mm",
-    "outcome",
+    "edges apart, mm",
+    "at the touch, mm",
+    "result",
     "policy",
     "strip",
     "s",
     "note",
 )
 COLOURS = (
-    "#2f6db5",
-    "#cf6a1f",
-    "#3a8a5c",
-    "#8a5fb0",
-    "#c2352b",
+    *(BLUE, ORANGE, GREEN, PURPLE, RED),
     "#4a9aa8",
     "#8c7a2b",
     "#c05a94",
@@ -58,6 +71,7 @@ COLOURS = (
 MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
 # runs of which films play side by side, and with a column each
 MOST_FILMS, MOST_COLUMNS = 4, 4
+TREND = 20  # newest folds of a strip that are drawn
 NAMED = 4  # best runs that the verdict names
 SHAPES = 4  # times at which the strips are drawn
 PARTED = 0.002  # m between two grippers, from which their paths part
@@ -76,6 +90,7 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
     text = page(
         "report/templates/runs.html",
         plural(len(rows), "run"),
+        said=_newest(by_time) if by_time else None,
         head=COLUMN_HEADINGS,
         wide=THUMBNAIL_WIDTH,
         trend=_trend_figure(by_time),
@@ -111,30 +126,60 @@ def _trend_figure(rows: Sequence[RunRow]) -> str:
 
     Empty where no strip has two folds that laid their edges.
     """
-    laid = [row for row in rows if row.edge_offset is not None]
+    laid = [row for row in rows if row.edge_offset is not None and _is_fold(row)]
     strips = Counter(row.strip for row in laid)
     repeated = sorted(strip for strip, count in strips.items() if count > 1)
     if not repeated:
         return ""
-    with canvas(8.4, 2.4) as figure:
+    with canvas(6.0, 2.0) as figure:
         axes = figure.add_subplot()
         axes.axhline(0, color=MUTED, lw=0.8)
         for strip, colour in zip(repeated, cycle(COLOURS), strict=False):
-            offsets = [1e3 * (r.edge_offset or 0.0) for r in laid if r.strip == strip]
+            folds = [row for row in laid if row.strip == strip][-TREND:]
+            offsets = [1e3 * (row.edge_offset or 0.0) for row in folds]
             order = range(1, len(offsets) + 1)
             axes.plot(order, offsets, "o-", color=colour, ms=4, lw=1, label=strip)
+            for number, offset, row in zip(order, offsets, folds, strict=True):
+                axes.annotate(row.name[-4:], (number, offset), (3, 4), **NOTE)
         axes.set(xlabel="fold of the strip", ylabel="edges apart  [mm]")
         axes.xaxis.get_major_locator().set_params(integer=True)
         figure.legend(loc="outside upper left", ncols=6)
         return as_svg(figure)
 
 
+def _is_fold(row: RunRow) -> bool:
+    """Whether a run was to fold its strip in half, not only to move it."""
+    return not row.policy.startswith("motion:")
+
+
+def _newest(rows: Sequence[RunRow]) -> PageVerdict:
+    """Verdict on the newest of `rows`, and which of the folds came nearest to half."""
+    *_, row = rows
+    edges = millimetres(row.edge_offset, signed=True)
+    headline = (
+        f"Newest: {row.short.split()[0]}, {row.strip} by {row.policy},"
+        f" {_outcome(row)}, edges {edges}"
+    )
+    folds = _nearest_first((r.short, r.edge_offset) for r in rows if _is_fold(r))
+    said = [f"Nearest to half: {_listed(folds[:1])}."] * bool(folds)
+    return PageVerdict("good", headline, tuple(said))
+
+
+def _outcome(row: RunRow) -> str:
+    """Words on how a run ended: of a fold whether it counts as folded."""
+    offset = row.edge_offset
+    if row.outcome != "layer_touch" or offset is None or not _is_fold(row):
+        return plain(row.outcome)
+    is_good = abs(offset) <= FOLDED_TOLERANCE
+    return "folded" if is_good else f"beyond {in_mm(FOLDED_TOLERANCE)}"
+
+
 def _cells(row: RunRow, folder: Path) -> tuple[str | Link, ...]:
     """Table cells of a run in the list."""
     duration = "" if row.duration is None else f"{row.duration:.1f}"
-    outcome = row.outcome.replace("_", " ")
     notes = " · ".join(filter(None, (row.tags, row.note)))
-    cells = (*row.offsets[::-1], outcome, row.policy, row.strip, duration, notes)
+    lengths = (offset.replace("-", MINUS) for offset in row.offsets[::-1])
+    cells = (*lengths, _outcome(row), row.policy, row.strip, duration, notes)
     return (_link(row, folder, row.short), *cells)
 
 
@@ -233,9 +278,9 @@ def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerd
         sentences.append(f"The same in truth, which the twin knows: {_listed(true)}.")
     sentences += _parting(compared)
     if differing:
-        advice = "; fold again with one alone changed to learn which does it"
+        advice = " Next: fold again with one alone changed, to learn which does it."
         sentences.append(
-            f"They differ in {', '.join(differing)}{advice if differing[1:] else ''}."
+            f"Set differently: {', '.join(differing)}.{advice if differing[1:] else ''}"
         )
     least = millimetres(abs(measured[0][1]))
     best = [

@@ -51,11 +51,6 @@ def plain(name: str) -> str:
     return name.replace("_", " ")
 
 
-def percent(fraction: float) -> str:
-    """Text of a fraction in whole percent."""
-    return f"{100 * fraction:.0f} %"
-
-
 def plural(count: int, noun: str) -> str:
     """Text of `count` things called `noun`, in the plural unless `count` is 1."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
@@ -66,13 +61,13 @@ def _is_known(value: float | None) -> TypeGuard[float]:
 
 
 def millimetres(value: float | None, signed: bool = False) -> str:
-    """Text of a length [m] in mm with one decimal; with two where one decimal shows
+    """Text of a length [m] in mm with one decimal; of a size, with two where one shows
     zero.
     """
     if not _is_known(value):
         return NO_VALUE
-    decimals = 2 if 5e-6 <= abs(value) < 5e-5 else 1
-    value = 0.0 if abs(value) < 5e-6 else value
+    decimals = 2 if 5e-6 <= value < 5e-5 and not signed else 1
+    value = round(value, 3 + decimals) + 0.0  # never minus nothing
     text = f"{1e3 * value:{'+' if signed else ''}.{decimals}f}"
     return f"{text.replace('-', MINUS)} mm"
 

@@ -23,7 +23,7 @@ from drivers.base.types import Array
 
 COLOURS = COLOUR_BEFORE, COLOUR_AFTER = ORANGE, BLUE
 SIMULATED = {
-    "before": "simulated from the refitted file",
+    "before": "simulated as the file has it, its values refitted",
     "after": "simulated with what was found",
 }
 COLUMN = 0.34  # inch, width of a column of the heat map
@@ -259,7 +259,7 @@ def worst_picture(worst: Worst) -> str:
     """Figure (SVG text) of the strip at its worst moment: measured, before and
     after.
     """
-    with canvas(8.0, 3.2) as figure:
+    with canvas(7.0, 4.6) as figure:
         axis = figure.add_subplot()
         _midline(axis, worst.run, worst.image)
         axis.axhline(0, color=MUTED, lw=0.8)

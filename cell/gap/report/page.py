@@ -14,6 +14,7 @@ from cell.gap.report.sentence import (
     capitalised,
     detection_limit,
     deviation_text,
+    effect_title,
     headline,
     in_small_unit,
     interval_numbers,
@@ -37,15 +38,12 @@ from cell.gap.verdict.schema import CandidateEntry, Gap, Kind, Verdict
 from cell.report.html import Tone, page as document
 from cell.report.page_verdict import PageVerdict as Card
 from cell.report.words import (
-    MINUS,
     NO_VALUE,
-    PARAMETERS,
     millimetres,
-    percent,
     plain,
     seconds,
 )
-from drivers.base.errors import CellError
+from drivers.base.errors import CellError, in_percent
 from drivers.base.settings import parse
 from drivers.strip.file import StripFile
 from policies.planned import fold_by_plan
@@ -169,6 +167,7 @@ def _held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         "worst": _worst_values(findings, fits, largest, names[largest]),
         "typical": names[typical],
         "traces": figures.residual_traces(fits, typical, findings.quantities),
+        "says": capitalised(verdict.held_out_sentence),
         "head": ("rms", *fits, "noise", "sigma beyond"),
         "rows": list(_held_out_rows(findings, verdict.gap)),
         "leaves": any(excess.any() for excess in by_run.values()),
@@ -194,8 +193,8 @@ def _worst_values(
     before, after = (millimetres(worst.off.get(key)) for key in ("before", "after"))
     found = f", {after} with what was found" if "after" in worst.off else ""
     says = (
-        f"Where the strip was farthest off, {seconds(worst.t)} into {name}, a run that"
-        f" the fit had not seen: {before} from the refitted file{found}."
+        f"The worst moment, {seconds(worst.t)} into {name}, a run kept back from the"
+        f" fit: the simulated strip is {before} off as the file has it{found}."
     )
     unbroken = says.replace(" mm", "\N{NO-BREAK SPACE}mm")
     return {"figure": figures.worst_picture(worst), "says": unbroken}
@@ -207,7 +206,7 @@ def _sizes(verdict: Verdict) -> list[tuple[str, str, str]]:
     every = [(effect, "") for effect in verdict.effects]
     every += [(effect, "suspected, ") for effect in verdict.suspected]
     for effect, doubt in every:
-        of = f"{doubt}{plain(effect.name)}"
+        of = f"{doubt}{effect_title(effect)}"
         for name, value in effect.parameters.items():
             unit = value.unit
             size, *ends = interval_numbers(value, unit)
@@ -274,7 +273,7 @@ def _remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 def _law_text(law: OfferedLaw) -> str:
     """Sentence on the law that is offered, and the share of the gap that it closes."""
-    closed = percent(law.shrink)
+    closed = in_percent(law.shrink)
     return (
         f"A law describes it, without a name: {law.words}. It closes {closed} of the"
         " gap on held-out runs."
@@ -295,7 +294,7 @@ def page(findings: Findings, verdict: Verdict) -> str:
         f"{name}: simulation and measurement",
         title=(
             f"{name}: simulation against {len(runs)} measured runs,"
-            f" {len(verdict.held_out)} of them held out"
+            f" {len(verdict.held_out)} of them kept back to judge it"
         ),
         name=f"{runs[0].name} to {runs[-1].name}",
         said=_verdict_card(findings, verdict, planned),
@@ -338,7 +337,7 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         for known, by in ((stated, "from the file"), (accepted, "with what was found")):
             name = f"planned {by}"
             displacement, shapes[name] = fold_by_plan(known, accepted)
-            rows.append((name, millimetres(displacement, signed=True)))
+            rows.append((name, _off(displacement)))
     except CellError:
         return nothing
 
@@ -351,11 +350,11 @@ def _verdict_card(
     """Verdict card: headline, sentences, tone, and the probability in large print."""
     number = below = ""
     if effects := verdict.effects:
-        number = percent(min(effect.confidence for effect in effects))
-        below = "probable; causes outside\nthe library count against it"
+        number = in_percent(min(effect.confidence for effect in effects))
+        below = "sure of the cause; ones that\nnobody lists count against it"
 
     lines = [sentence(findings, verdict)]
-    if findings.held_out_fits.changed:
+    if findings.held_out_fits.changed and not planned["rows"]:
         lines.append(capitalised(verdict.held_out_sentence) + ".")
     if verdict.untested:
         names = ", ".join(each.what for each in verdict.untested)
@@ -375,15 +374,17 @@ def _verdict_card(
 
 def _fold_sentence(verdict: Verdict, displacements: Sequence[str]) -> str:
     """Sentence on the fold as it is planned from the file, and with what was found."""
-    first, *others = verdict.effects
-    name, value = next(iter(first.parameters.items()))
-    unit = value.unit
-    size = number_text(in_small_unit(value.value, unit), 2)
-    effect = PARAMETERS.get(name, plain(first.name))  # as the page of a fold has them
-    words = f"{effect} of {size} {shown_unit(unit)}".strip()
-    words = " and ".join([words, *(plain(effect.name) for effect in others)])
-    before, after = (text.lstrip(f"+{MINUS}") for text in displacements)
-    return f"The planned fold is foreseen {before} off; with {words} it is {after}"
+    words = " and ".join(map(effect_title, verdict.effects))
+    before, after = displacements
+    return (
+        f"The model lacks {words}: in simulation, a fold planned without it ends"
+        f" {before} off, with it {after} off"
+    )
+
+
+def _off(length: float) -> str:
+    """Text of the size of a `length` [m], none below what a camera can tell."""
+    return "less than 0.1 mm" if abs(length) < 5e-5 else millimetres(abs(length))
 
 
 def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:

@@ -6,8 +6,9 @@ from cell.gap.fitting.reml import Spread
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
 from cell.gap.subject.subject import Quantity, ScatterSource
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Deviation, Interval, Verdict
-from cell.report.words import percent, plain
+from cell.gap.verdict.schema import Deviation, Interval, NamedEffect, Verdict
+from cell.report.words import PARAMETERS, plain
+from drivers.base.errors import in_percent
 
 POWERS = {"^2": "²", "^3": "³", "^4": "⁴"}
 SMALL_UNITS = {
@@ -95,10 +96,17 @@ def headline(verdict: Verdict) -> str:
         unit = sizes[first].unit  # of all joints
         sure = [n for n, v in sizes.items() if v.unit == unit and _is_sure(v)]
         name, *_ = [*sure, first]
-        parts.append(f"{effect.name}: {plain(name)} {interval_text(sizes[name])}")
+        parts.append(
+            f"{effect_title(effect)}: {plain(name)} {interval_text(sizes[name])}"
+        )
 
     parts += filter(None, [TITLES.get(verdict.verdict)])
     return "; ".join(parts)
+
+
+def effect_title(effect: NamedEffect) -> str:
+    """Name of an `effect` for people, that of its first parameter if it has one."""
+    return PARAMETERS.get(next(iter(effect.parameters)), plain(effect.name))
 
 
 def _is_sure(value: Interval) -> bool:
@@ -123,7 +131,11 @@ def _name_effects(findings: Findings, verdict: Verdict) -> str:
     effects = ", and ".join(
         f"{known[effect.name].sentence} ({effect.name}:"
         f" {_parameter_values(effect.parameters)}"
-        + (f"; {percent(effect.confidence)} probable)" if verdict.effects[1:] else ")")
+        + (
+            f"; {in_percent(effect.confidence)} probable)"
+            if verdict.effects[1:]
+            else ")"
+        )
         for effect in verdict.effects
     )
     text = f"{effects}."

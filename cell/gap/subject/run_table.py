@@ -12,8 +12,7 @@ import numpy as np
 from cell.gap.subject.subject import Finding, bad
 from cell.record.columns import check_order
 from cell.record.files import PROFILE
-from cell.report.words import percent
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, in_percent
 from drivers.base.readers import read_parquet
 from drivers.base.types import Array
 
@@ -157,7 +156,7 @@ def _lost(
     if lost > noted:
         yield Finding(
             what=f"lost {what}",
-            words=f"{percent(lost)} of {words}",
+            words=f"{in_percent(lost)} of {words}",
             remedy=remedy,
             level="bad" if lost > most else "fair",
         )
@@ -176,7 +175,7 @@ def values(
     if lost > LOST_ROWS[0]:
         yield Finding(
             what="lost samples",
-            words=f"{name} holds no number in {percent(lost)} of the rows",
+            words=f"{name} holds no number in {in_percent(lost)} of the rows",
             remedy="mend the reading, or leave the run out",
         )
     if is_number.any():

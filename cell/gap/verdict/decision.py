@@ -35,7 +35,8 @@ from cell.gap.subject.subject import Origin, Subject
 from cell.gap.verdict.confidence import LEAST, calibration
 from cell.gap.verdict.findings import DecidedVerdict, Findings, FitResults
 from cell.gap.verdict.schema import Kind, Step, Verdict, VerdictEvidence
-from cell.report.words import percent, plain
+from cell.report.words import plain
+from drivers.base.errors import in_percent
 from drivers.base.types import Array
 
 # excess on held-out runs, in units of the noise, that is a gap by itself; set by hand
@@ -246,7 +247,10 @@ def next_steps(
     steps = []
 
     if verdict.effects:
-        words = f"puts what was named into the file; {undo}"
+        then = ""
+        if origin.option.startswith("--strip"):
+            then = f"; then `cell fold {origin.option}` folds with it"
+        words = f"puts what was named into the file{then}; {undo}"
         steps.append(Step("accept", accept, words))
     elif verdict.deviates and not decision.probabilities:
         words = (
@@ -265,7 +269,7 @@ def next_steps(
     if suspected and not verdict.effects and _may_be_forced(decision, verdict):
         names = " + ".join(effect.name for effect in suspected)
         least = min(effect.confidence for effect in suspected)
-        probable = f"{percent(least)} probable"
+        probable = f"{in_percent(least)} probable"
         words = f"takes all the same what is suspected, not named: {names}, {probable}"
         steps.append(Step("accept_suspected", f"{accept} --force", words))
     if law:

@@ -76,7 +76,7 @@ _set_friction = set_fields(
 
 BENDING_HYSTERESIS = law_effect(
     name="bending_hysteresis",
-    sentence="the strip resists bending like dry friction",
+    sentence="yarn friction resists the bending of the strip",
     parameters=(
         Parameter("yield_curvature", "1/m", low=0.0, high=100.0),
         Parameter(

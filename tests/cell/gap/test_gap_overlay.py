@@ -189,7 +189,7 @@ def test_page_says_one_number_everywhere(told: Told) -> None:
             if not doubt:
                 assert f"size {size} [{1e3 * value.low:.3g}," in told.text  # headline
                 assert f"({effect.name}: size {size} mm)" in told.text  # sentence
-                sure = f"{100 * effect.confidence:.0f} % probable"  # large print
+                sure = f"{100 * effect.confidence:.0f} % sure"  # large print
                 assert sure in told.text
     assert listed == sizes
 

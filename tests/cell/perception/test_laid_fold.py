@@ -42,7 +42,7 @@ def ending(seen: float, *more: LengthCheck) -> tuple[str, str, int]:
     log = FoldLog()
     log.seen_touch, log.released, log.edge_offset = TOUCH, True, seen
     log.witnesses = [
-        LengthCheck("edges", seen, {"loop": LaidWeights.shipped().rms}),
+        LengthCheck("edges", seen, LaidWeights.shipped().rms),
         *more,
     ]
     end = log.completion()
@@ -62,7 +62,7 @@ def test_edge_far_from_where_it_was_laid_is_no_fold(apart: float) -> None:
 
 
 def test_the_worst_of_the_witnesses_names_the_end() -> None:
-    off = LengthCheck("displacement", 0.0059, {"prediction": 0.0001})
+    off = LengthCheck("displacement", 0.0059, 0.0001)
     assert ending(0.006, off)[0] == "displacement_apart"
 
 

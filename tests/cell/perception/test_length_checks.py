@@ -26,7 +26,7 @@ from tests.support.made_results import DONE
 
 
 def off_by(spreads: float) -> LengthCheck:
-    return LengthCheck("grip", -0.001 * spreads, {"made": 0.001})
+    return LengthCheck("grip", -0.001 * spreads, 0.001)
 
 
 def test_what_differs_by_more_than_its_spread_allows_is_doubted_then_refuted() -> None:
@@ -51,10 +51,10 @@ def test_held_end_is_one_witness_by_the_images_that_show_it_close_to_the_gripper
 def test_a_disagreement_stands_on_the_terminal_in_json_in_the_record_and_on_the_page(
     finished: Path,
 ) -> None:
-    late = LengthCheck("displacement", 0.0059, {"prediction": 0.001})
+    late = LengthCheck("displacement", 0.0059, 0.001)
     outcome = replace(OUTCOME, agreement=None, witnesses=(late, off_by(1.0)))
     said = (
-        "displacement: camera and prediction differ by +5.9 mm, 6 sigma; one sigma is"
+        "displacement: camera and prediction differ by +5.9 mm, 6 times the usual"
         " 1.0 mm"
     )
     result = replace(DONE, witnesses=outcome.witnesses, warning=_warning(outcome, ""))

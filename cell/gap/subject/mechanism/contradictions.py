@@ -19,7 +19,7 @@ from cell.gap.subject.mechanism.model import Mechanism, poses
 from cell.gap.subject.mechanism.recordings import Recording, Signal
 from cell.gap.subject.run_table import stuck_reading
 from cell.gap.subject.subject import Finding, bad
-from cell.report.words import percent
+from drivers.base.errors import in_percent
 from drivers.base.types import Array
 
 # Set by hand on cases, and on runs of models that others wrote, which stay within.
@@ -251,7 +251,7 @@ def _fault(
     if found.explained < FREE:
         return bad(
             "torque of no motion",
-            f"{name}: the motion explains {percent(max(found.explained, 0.0))} of"
+            f"{name}: the motion explains {in_percent(max(found.explained, 0.0))} of"
             " this torque",
             "look for the column that holds it, or leave the run out",
         )
@@ -370,7 +370,7 @@ def _touching(mechanism: Mechanism) -> Iterator[Finding]:
             yield Finding(
                 what="contact",
                 words=(
-                    f"{names} touch in {percent(touching)} of the motion, and"
+                    f"{names} touch in {in_percent(touching)} of the motion, and"
                     " contacts are left out"
                 ),
                 remedy=(
