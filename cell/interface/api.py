@@ -8,8 +8,9 @@ reason`, in one line. Paths may be text.
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from html import escape
 from os import PathLike
-from pathlib import Path
+from pathlib import Path, PosixPath
 from typing import TYPE_CHECKING, Any, get_args
 
 import pyarrow as pa
@@ -93,7 +94,7 @@ def fold(
         speed=speed,
         record=record,
         learning=Learning(specimen, use=learning),
-        at=line_at("at", () if at is None else (at,), lying.length),
+        at=_line(at, lying),
     )
     (request,) = _prepared(asked, [] if desk is None else [desk])
     return fold_once(request, calibration_of(request.cell))
@@ -113,12 +114,17 @@ def predict(
     config = find_configs(configs)
     cell = config.cell()
     lying = config.strip(strip)
-    line = line_at("at", () if at is None else (at,), lying.length)
+    line = _line(at, lying)
     asked = Request(
         cell=cell, strip=lying, policy=policy, runs=Path("runs"), speed=speed, at=line
     )
     (request,) = _prepared(asked)
     return assess(request, calibration_of(request.cell)).prediction
+
+
+def _line(at: str | None, strip: StripFile) -> float | None:
+    """Distance [m] of the line `at` which a `strip` is folded from its grasped edge."""
+    return line_at("at", () if at is None else (at,), strip.length)
 
 
 def _prepared(asked: Request, plants: Sequence[StripFile] = ()) -> tuple[Request, ...]:
@@ -129,11 +135,20 @@ def _prepared(asked: Request, plants: Sequence[StripFile] = ()) -> tuple[Request
     return prepared.requests
 
 
-def compare(runs: StrPaths, out: StrPath = "compare.html") -> Path:
+class ShownPage(PosixPath):
+    """Path of an HTML page, which a notebook shows in place."""
+
+    def _repr_html_(self) -> str:
+        text = escape(self.read_text(encoding="utf-8"))
+        return f'<iframe srcdoc="{text}" width="100%" height="800"></iframe>'
+
+
+def compare(runs: StrPaths, out: StrPath = "compare.html") -> ShownPage:
     """Write the HTML page that compares `runs`, as `cell report` does; returns the
-    page's path.
+    page's path, which a notebook shows in place.
     """
-    return write_comparison([run_folder(str(run)) for run in _listed(runs)], Path(out))
+    folders = [run_folder(str(run)) for run in _listed(runs)]
+    return ShownPage(write_comparison(folders, Path(out)))
 
 
 def read_run(folder: StrPath) -> DrawnRun:
@@ -149,9 +164,9 @@ def runs(folder: StrPath = "runs", where: str = "", sort: str = "") -> Any:
     """Table of the runs that `list_runs` lists: a data frame where pandas is installed,
     else an Arrow table.
     """
-    rows = map(values_of, list_runs(folder, where, sort))
-    columns = zip(*rows, strict=True)
-    return as_frame(pa.table(dict(zip(COLUMNS, map(pa.array, columns), strict=False))))
+    listed = list_runs(folder, where, sort)
+    rows = [dict(zip(COLUMNS, values_of(row), strict=True)) for row in listed]
+    return as_frame(pa.Table.from_pylist(rows))
 
 
 def list_runs(
@@ -284,10 +299,7 @@ def accept(
     """
     from cell.gap.verdict.accept import accept as accept_fit
 
-    cell_file = find_configs(configs).cell_path
-    return accept_fit(
-        Path(out), _subject_file(subject, configs), cell_file, law=law, force=force
-    )
+    return accept_fit(*_fitted(out, subject, configs), law=law, force=force)
 
 
 def undo(
@@ -296,8 +308,15 @@ def undo(
     """Restore the files as they were before `accept` of the fit in `out`."""
     from cell.gap.verdict.accept import undo as undo_fit
 
-    cell_file = find_configs(configs).cell_path
-    return undo_fit(Path(out), _subject_file(subject, configs), cell_file)
+    return undo_fit(*_fitted(out, subject, configs))
+
+
+def _fitted(
+    out: StrPath, subject: StrPath, configs: StrPath | None
+) -> tuple[Path, Path, Path]:
+    """Folder of a fit, file of its `subject`, and file of the cell."""
+    file = _subject_file(subject, configs)
+    return Path(out), file, find_configs(configs).cell_path
 
 
 def _subject_file(subject: StrPath, configs: StrPath | None) -> Path:

@@ -133,8 +133,6 @@
     }
     svg.setAttribute("viewBox", `0 0 ${wide} ${place.high}`);
     Object.assign(svg.style, { width: "100%", minWidth: 0 });
-    const [left, , right] = panels.at(-1).box;
-    if (svg.dataset.left) Object.assign(svg.dataset, { left: left / wide, right: right / wide });
   };
 
   const move = (e, x, y) => e.setAttribute("transform", `translate(${x} ${y}) ${e.getAttribute("transform") ?? ""}`);
@@ -409,6 +407,11 @@
     const facts = JSON.parse(svg.dataset.chart);
     inline(svg);
     narrow(svg, facts);
+    const timed = facts.find(({ x }) => x.unit === "s"); // where a film beside it shows its moment
+    if (timed) {
+      const [left, , right] = timed.box, [first, last] = timed.x.limits, wide = svg.viewBox.baseVal.width;
+      Object.assign(svg.dataset, { first, last, left: left / wide, right: right / wide });
+    }
     const panels = facts.map((each) => new Panel(svg, each));
     for (const panel of panels) {
       panel.panels = panels;

@@ -88,15 +88,9 @@ class DrawnRun(Run):
         """Figure of the strip and the gripper's path, above the signals over time."""
         with canvas(8.4, 7.6) as figure:
             side, along, above = figure.subplots(3, 1, height_ratios=[2.4, 1, 1])
-            _draw_profiles(side, evenly_chosen(self.profile.curves(), CURVES))
-            _draw_desk(side, self)
-            _draw_path(side, self.ticks)
-            _draw_touch(side, self)
-            side.set(xlabel="x  [mm]", ylabel="z  [mm]", aspect="equal")
-            _draw_coordinate(along, self.ticks, self.sights(), "x")
-            _draw_coordinate(above, self.ticks, self.sights(), "z")
-            along.set_ylabel("x  [mm]")
-            above.set(xlabel="t  [s]", ylabel="z  [mm]")
+            side.set_aspect("equal")
+            _draw_side(side, self)
+            _draw_signals(along, above, self)
         drawn: Figure = figure
         return drawn
 
@@ -107,12 +101,9 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
     """
     with canvas(8.4, 4.5, layout=None) as figure:
         axes = figure.add_axes((0.066, 0.1, 0.85, 0.885), aspect="equal", anchor="W")
-        _draw_profiles(axes, evenly_chosen(run.profile.curves(), CURVES))
         _draw_outlines(axes, evenly_chosen(outlines, SHOWN_IMAGES))
-        _draw_desk(axes, run)
-        _draw_path(axes, run.ticks)
-        _draw_touch(axes, run)
-        axes.set(xlabel="x  [mm]", ylabel="z  [mm]", ylim=(-38, None))
+        _draw_side(axes, run)
+        axes.set_ylim(-38, None)
         axes.spines["bottom"].set_visible(False)
         return as_svg(figure)
 
@@ -144,8 +135,6 @@ def drawings(folders: Sequence[Path]) -> list[tuple[str, str, str]]:
 def signals_figure(run: Run) -> str:
     """Figure (SVG) of contact, fold tip, gripper and gap over time, above the run's
     states.
-
-    Its attributes state the times [s] at its edges, for a film beside it.
     """
     touch = None if run.result is None else run.result.t_layer_touch
     with canvas(8.4, 5.2, layout=None) as figure:
@@ -154,19 +143,30 @@ def signals_figure(run: Run) -> str:
             3, 1, sharex=True, height_ratios=[0.3, 2, 2]
         )
         _draw_lanes(lanes, run.ticks)
-        sights = run.sights()
-        _draw_coordinate(along, run.ticks, sights, "x")
-        _draw_coordinate(above, run.ticks, sights, "z")
-        along.set_ylabel("along the strip  [mm]")
-        above.set_ylabel("above the desk  [mm]")
+        _draw_signals(along, above, run)
         if touch is not None:
             for axes in (along, above):
                 axes.axvline(touch, color=ORANGE, lw=1, ls=(0, (3, 2)))
-        above.set_xlabel("t  [s]")
         figure.align_ylabels([along, above])
-        first, last = above.get_xlim()
-        edges = f'data-left="{LEFT}" data-right="{RIGHT}" data-first="{first:.4f}"'
-        return as_svg(figure).replace("<svg", f'<svg {edges} data-last="{last:.4f}"', 1)
+        return as_svg(figure)
+
+
+def _draw_side(axes: Any, run: Run) -> None:
+    """Draw a `run` in the strip's plane: profiles, desk, path, touch."""
+    _draw_profiles(axes, evenly_chosen(run.profile.curves(), CURVES))
+    _draw_desk(axes, run)
+    _draw_path(axes, run.ticks)
+    _draw_touch(axes, run)
+    axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
+
+
+def _draw_signals(along: Any, above: Any, run: Run) -> None:
+    """Draw the coordinates x and z over time, each on axes of its own."""
+    sights = run.sights()
+    _draw_coordinate(along, run.ticks, sights, "x")
+    _draw_coordinate(above, run.ticks, sights, "z")
+    along.set_ylabel("along the strip  [mm]")
+    above.set(xlabel="t  [s]", ylabel="above the desk  [mm]")
 
 
 def _draw_profiles(axes: Any, curves: Sequence[tuple[float, Array]]) -> None:

@@ -2,7 +2,7 @@
 // moment: a line follows the film, a click on the curves leads to it.
 addEventListener("DOMContentLoaded", () => { // once the figures have the size of the window
   const film = document.querySelector(".film video"), figure = film.closest(".film");
-  const chart = document.querySelector("svg[data-first]"), layer = figure.querySelector(".read");
+  const chart = document.querySelector('[aria-label="states and signals over time"] svg'), layer = figure.querySelector(".read");
   const steer = figure.querySelector(".steer"), button = steer.querySelector("button");
   const slider = steer.querySelector("input"), time = steer.querySelector("output");
   const begin = Number(film.dataset.begin);

@@ -238,18 +238,17 @@ def _measured_curves(
     calibration = run.calibration()
     if calibration is None:
         return {"size": (), "curves": ()}
-    curves = [
-        (
-            round(t, 3),
-            np.rint(calibration.to_image(points[::2])).astype(int).ravel().tolist(),
-        )
+    read = [
+        (t, calibration.to_image(points[::2]))
         for t, points in run.profile.curves()
         if np.abs(points).max(initial=0.0) < FARTHEST_HAND
     ]
     stamps = {note.sequence: note.stamp for note in shown.laid}
-    for each in outlines:
-        ring = np.rint(np.vstack([each.pixels[::8], each.pixels[:1]])).astype(int)
-        curves.append((round(stamps[each.sequence], 3), ring.ravel().tolist()))
+    read += [
+        (stamps[each.sequence], np.vstack([each.pixels[::8], each.pixels[:1]]))
+        for each in outlines
+    ]
+    curves = [(round(t, 3), np.rint(px).astype(int).ravel().tolist()) for t, px in read]
     return {"size": (calibration.lens.width, calibration.lens.height), "curves": curves}
 
 

@@ -4,8 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from cell.record.events import NOT_LEARNED
 from cell.record.files import RESULT, is_under_way
 from cell.record.header import LAID, Result
@@ -100,10 +98,8 @@ class KeyFigure:
         known.
         """
         error = USUAL * self.sigma
-        if min(usual) - error <= self.value <= max(usual) + error:
-            return "Normal"
-        is_better = abs(self.value) < min(map(abs, usual))
-        return "Better than usual" if is_better else "Not normal"
+        is_normal = min(usual) - error <= self.value <= max(usual) + error
+        return "Normal" if is_normal else "Not as usual"
 
     @property
     def place(self) -> float:
@@ -116,9 +112,8 @@ class KeyFigure:
         return [self._placed(value) for value in self.earlier]
 
     def _placed(self, value: float) -> float:
-        usual = np.median(np.abs(self.earlier or (0.0,)))
-        largest = max(1.2 * abs(self.value), 2 * usual, LEAST_SCALE)
-        return float(np.clip(round(100 * value / largest, 1), -100.0, 100.0))
+        largest = max(map(abs, (self.value, *self.earlier, LEAST_SCALE)))
+        return round(100 * value / largest, 1)
 
 
 def weights(run: Run, truth: Mapping[str, Any]) -> list[KeyFigure]:
@@ -160,13 +155,12 @@ def _standing(run: Run) -> str:
     numbers = weights(run, {})
     first, last = numbers[0], numbers[-1]
     header = run.header
-    of = f"of {header.strip}" + (f" by {header.policy}" if header.policy else "")
+    of = f"of {header.strip} by {header.policy or 'another program'}"
     count = len(first.earlier)
     if count >= LEAST_FOLDS:
         return f"{first.standing(first.earlier)} for a fold {of}: {first.history}."
 
-    before = plural(count, "fold") if count else "no fold"
-    few = f"{before} {of} before it"
+    few = f"{plural(count, 'fold')} {of} before it"
     if last.name != FORETOLD:
         return f"Normal or not is unknown: nothing was predicted, {few}."
     off = f"{last.text} from the prediction, {last.margin}"

@@ -36,7 +36,7 @@ from cell.report.page import (
     stated_settings,
     truth_of,
 )
-from cell.report.page_verdict import FOLDED_TOLERANCE, PageVerdict
+from cell.report.page_verdict import PageVerdict
 from cell.report.words import (
     MINUS,
     NO_VALUE,
@@ -46,7 +46,7 @@ from cell.report.words import (
     plural,
     seconds,
 )
-from drivers.base.errors import ConfigurationError, in_mm
+from drivers.base.errors import ConfigurationError
 from drivers.base.outputs import write_output
 from drivers.base.readers import read_picture
 
@@ -56,7 +56,7 @@ COLUMN_HEADINGS = (
     "run",
     "edges apart, mm",
     "at the touch, mm",
-    "result",
+    "ended by",
     "policy",
     "strip",
     "s",
@@ -90,7 +90,6 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
     text = page(
         "report/templates/runs.html",
         plural(len(rows), "run"),
-        said=_newest(by_time) if by_time else None,
         head=COLUMN_HEADINGS,
         wide=THUMBNAIL_WIDTH,
         trend=_trend_figure(by_time),
@@ -126,12 +125,16 @@ def _trend_figure(rows: Sequence[RunRow]) -> str:
 
     Empty where no strip has two folds that laid their edges.
     """
-    laid = [row for row in rows if row.edge_offset is not None and _is_fold(row)]
+    laid = [
+        row
+        for row in rows
+        if row.edge_offset is not None and not row.policy.startswith("motion:")
+    ]
     strips = Counter(row.strip for row in laid)
     repeated = sorted(strip for strip, count in strips.items() if count > 1)
     if not repeated:
         return ""
-    with canvas(6.0, 2.0) as figure:
+    with canvas(8.4, 1.9) as figure:
         axes = figure.add_subplot()
         axes.axhline(0, color=MUTED, lw=0.8)
         for strip, colour in zip(repeated, cycle(COLOURS), strict=False):
@@ -147,39 +150,13 @@ def _trend_figure(rows: Sequence[RunRow]) -> str:
         return as_svg(figure)
 
 
-def _is_fold(row: RunRow) -> bool:
-    """Whether a run was to fold its strip in half, not only to move it."""
-    return not row.policy.startswith("motion:")
-
-
-def _newest(rows: Sequence[RunRow]) -> PageVerdict:
-    """Verdict on the newest of `rows`, and which of the folds came nearest to half."""
-    *_, row = rows
-    edges = millimetres(row.edge_offset, signed=True)
-    headline = (
-        f"Newest: {row.short.split()[0]}, {row.strip} by {row.policy},"
-        f" {_outcome(row)}, edges {edges}"
-    )
-    folds = _nearest_first((r.short, r.edge_offset) for r in rows if _is_fold(r))
-    said = [f"Nearest to half: {_listed(folds[:1])}."] * bool(folds)
-    return PageVerdict("good", headline, tuple(said))
-
-
-def _outcome(row: RunRow) -> str:
-    """Words on how a run ended: of a fold whether it counts as folded."""
-    offset = row.edge_offset
-    if row.outcome != "layer_touch" or offset is None or not _is_fold(row):
-        return plain(row.outcome)
-    is_good = abs(offset) <= FOLDED_TOLERANCE
-    return "folded" if is_good else f"beyond {in_mm(FOLDED_TOLERANCE)}"
-
-
 def _cells(row: RunRow, folder: Path) -> tuple[str | Link, ...]:
     """Table cells of a run in the list."""
     duration = "" if row.duration is None else f"{row.duration:.1f}"
     notes = " · ".join(filter(None, (row.tags, row.note)))
     lengths = (offset.replace("-", MINUS) for offset in row.offsets[::-1])
-    cells = (*lengths, _outcome(row), row.policy, row.strip, duration, notes)
+    outcome = plain(row.outcome)
+    cells = (*lengths, outcome, row.policy, row.strip, duration, notes)
     return (_link(row, folder, row.short), *cells)
 
 

@@ -23,8 +23,8 @@ from drivers.base.types import Array
 
 COLOURS = COLOUR_BEFORE, COLOUR_AFTER = ORANGE, BLUE
 SIMULATED = {
-    "before": "simulated as the file has it, its values refitted",
-    "after": "simulated with what was found",
+    "before": "simulated from the file",
+    "after": "with what was found",
 }
 COLUMN = 0.34  # inch, width of a column of the heat map
 HEAT_TICKS = (0, 1, 3, 10, 30, 100, 1000, 10000)  # sigma, on its logarithmic scale

@@ -196,8 +196,7 @@ def _worst_values(
         f"The worst moment, {seconds(worst.t)} into {name}, a run kept back from the"
         f" fit: the simulated strip is {before} off as the file has it{found}."
     )
-    unbroken = says.replace(" mm", "\N{NO-BREAK SPACE}mm")
-    return {"figure": figures.worst_picture(worst), "says": unbroken}
+    return {"figure": figures.worst_picture(worst), "says": says}
 
 
 def _sizes(verdict: Verdict) -> list[tuple[str, str, str]]:
@@ -354,7 +353,8 @@ def _verdict_card(
         below = "sure of the cause; ones that\nnobody lists count against it"
 
     lines = [sentence(findings, verdict)]
-    if findings.held_out_fits.changed and not planned["rows"]:
+    rows = planned["rows"]
+    if findings.held_out_fits.changed and not rows:
         lines.append(capitalised(verdict.held_out_sentence) + ".")
     if verdict.untested:
         names = ", ".join(each.what for each in verdict.untested)
@@ -365,17 +365,14 @@ def _verdict_card(
         tone = "bad" if tone == "bad" else "fair"
         lines = [capitalised(deviation_text(verdict.deviates)) + ".", *lines]
 
-    said = headline(verdict)
-    if rows := planned["rows"]:
-        said = _fold_sentence(verdict, [text for _, text in rows])
-
+    said = _fold_sentence(verdict, rows) if rows else headline(verdict)
     return Card(tone, said, tuple(lines), number, below)
 
 
-def _fold_sentence(verdict: Verdict, displacements: Sequence[str]) -> str:
+def _fold_sentence(verdict: Verdict, rows: Sequence[tuple[str, str]]) -> str:
     """Sentence on the fold as it is planned from the file, and with what was found."""
     words = " and ".join(map(effect_title, verdict.effects))
-    before, after = displacements
+    (_, before), (_, after) = rows
     return (
         f"The model lacks {words}: in simulation, a fold planned without it ends"
         f" {before} off, with it {after} off"

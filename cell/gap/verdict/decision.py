@@ -247,9 +247,8 @@ def next_steps(
     steps = []
 
     if verdict.effects:
-        then = ""
-        if origin.option.startswith("--strip"):
-            then = f"; then `cell fold {origin.option}` folds with it"
+        fold = _fold_command(origin.option)
+        then = f"; then `{fold}` folds with it" if fold else ""
         words = f"puts what was named into the file{then}; {undo}"
         steps.append(Step("accept", accept, words))
     elif verdict.deviates and not decision.probabilities:
@@ -287,14 +286,19 @@ def _may_be_forced(decision: DecidedVerdict, verdict: Verdict) -> bool:
     )
 
 
+def _fold_command(option: str) -> str:
+    """Command that folds the subject of an `option`, if it is a strip."""
+    return f"cell fold {option}" if option.startswith("--strip") else ""
+
+
 def _step_without_gap(decision: DecidedVerdict, option: str) -> Step:
     """What to do where the fitted runs show no gap: there is nothing to accept."""
     if decision.unseen_gap > GAP:
         words = "make the motions of the held-out runs again, and fit all runs"
         return Step("repeat", "", words)
-    if option.startswith("--strip"):
+    if fold := _fold_command(option):
         words = "folds with the file as it is: there is nothing to accept"
-        return Step("fold", f"cell fold {option}", words)
+        return Step("fold", fold, words)
     return Step("none", "", "these runs show no gap: there is nothing to accept")
 
 

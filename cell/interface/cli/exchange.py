@@ -99,8 +99,7 @@ def _print_imported(made: Sequence[Path], out: Path, model: Path | None) -> None
     if model is None:
         from cell.report.runs_page import write_imported
 
-        tells = "" if count == 1 else " says what they can show, before a fit"
-        page = write_imported(made, summaries, advice + tells, out / "imported.html")
+        page = write_imported(made, summaries, advice, out / "imported.html")
         print(f"  {page}")
     print(f"next: {advice.strip('`')}")
 

@@ -124,9 +124,8 @@ def test_film_of_a_run_plays_in_step_with_its_curves(tmp_path):
         '<i style="left: 0.00%" title="fold, 0.00 s">',
     ):
         assert claim in text, claim
-    first, last = (
-        float(re.search(rf'data-{name}="(\S+)"', text)[1]) for name in ("first", "last")
-    )
+    limits = re.findall(r"x&quot;:{&quot;limits&quot;:\[(\S+?),(\S+?)\]", text)
+    first, last = map(float, limits[-1])
     assert first <= 0.0
     assert last >= 0.11
     assert text.index("<video") < text.index("<h1>")
@@ -139,7 +138,7 @@ def test_verdict_stands_on_top_with_sign_error_and_truth(page):
     top = words(page[page.index("<main") : page.index("In numbers")])
     for claim in (
         "Folded: the edges lie 31.0 mm apart",
-        "Normal or not is unknown: nothing was predicted, no fold of denim by",
+        "Normal or not is unknown: nothing was predicted, 0 folds of denim",
         "edges, once laid down −31.0 mm short, ± 1.0 mm",
         "first touch −36.3 mm short, ± 1.0 mm; true on the twin −35.1 mm",
         "Next: cell gap plan --strip denim finds why it lies beyond the 20 mm",
@@ -162,14 +161,16 @@ def test_page_shows_pictures_figures_events_and_facts(page):
 
 
 def test_numbers_of_weight_stand_among_the_folds_of_the_strip_before(
-    make_run, tmp_path
+    make_run, tmp_path, monkeypatch
 ):
+    monkeypatch.setattr("cell.report.page_verdict.LEAST_FOLDS", 1)
     first = make_run(tmp_path)
     later = first.rename(tmp_path / "20200101T000000Z-denim-fold-0001")
     again = make_run(tmp_path)
-    assert "no fold of denim by triangular before it" in write_report(later).read_text()
-    said = "1 fold before: −31.0&nbsp;mm"
+    said = "Normal for a fold of denim by triangular: 1 fold before: −31.0&nbsp;mm."
     assert said in write_report(again).read_text()
+    edit_yaml(later / "run.yaml", policy="planned")
+    assert "0 folds of denim by triangular before it" in write_report(again).read_text()
 
 
 def test_dead_run_is_explained(dead_page):
@@ -275,7 +276,7 @@ def test_page_states_and_draws_what_was_predicted(predicting) -> None:
     assert "+0.4 mm ± 0.9 mm" in text
     assert "This strip does not behave like the model" in text
     assert "strip beside its model 3.1 mm" in text
-    assert "Not normal: +36.7 mm from the prediction, up to 1.8 mm is usual" in text
+    assert "Not as usual: +36.7 mm from the prediction, up to 1.8 mm is usual" in text
     assert "difference from the prediction +36.7 mm too far, up to 1.8 mm" in text
     assert "predicted 60 times" in text
     assert "foretold" not in text
@@ -297,11 +298,11 @@ def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
     shown = float(re.search(r"z 100 mm (\d\.\d) mm", words(text))[1])
     assert shown == pytest.approx(scale, abs=0.05)
     assert "verdict good" in text
-    assert "Lines every 100 mm" not in text
+    assert "Lines every 100&nbsp;mm" not in text
     seen = np.full((720, 1280, 3), 90, np.uint8)
     cv2.imwrite(str(tmp_path / "picture.png"), seen)
     text = write_calibration_report(path).read_text()
-    assert "Lines every 100 mm" in text
+    assert "Lines every 100&nbsp;mm" in text
     drawn = text.partition("data:image/jpeg;base64,")[2].partition('"')[0]
     image = cv2.imdecode(
         np.frombuffer(base64.b64decode(drawn), np.uint8), cv2.IMREAD_GRAYSCALE
