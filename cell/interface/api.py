@@ -7,6 +7,7 @@ reason`, in one line. Paths may be text.
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from html import escape
 from os import PathLike
@@ -160,13 +161,35 @@ def read_run(folder: StrPath) -> DrawnRun:
     return DrawnRun.of(load_run(run_folder(str(folder))))
 
 
+@dataclass(frozen=True, slots=True, repr=False)
+class PrintedTable:
+    """Arrow `table` of runs that prints a line for each; all else it does itself."""
+
+    table: pa.Table
+    rows: Sequence[RunRow]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.table, name)
+
+    def __getitem__(self, column: str) -> Any:
+        return self.table[column]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __repr__(self) -> str:
+        return "\n".join(map(repr, self.rows))
+
+
 def runs(folder: StrPath = "runs", where: str = "", sort: str = "") -> Any:
     """Table of the runs that `list_runs` lists: a data frame where pandas is installed,
-    else an Arrow table.
+    else an Arrow table, which prints a line for each run.
     """
     listed = list_runs(folder, where, sort)
     rows = [dict(zip(COLUMNS, values_of(row), strict=True)) for row in listed]
-    return as_frame(pa.Table.from_pylist(rows))
+    table = pa.Table.from_pylist(rows)
+    frame = as_frame(table)
+    return PrintedTable(table, listed) if frame is table else frame
 
 
 def list_runs(

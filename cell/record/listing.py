@@ -277,17 +277,17 @@ def earlier_results(
     """
     begins = f"-{strip}-fold-"
     beside = sorted(run for run in folder.parent.iterdir() if begins in run.name)
-    before = (run for run in reversed(beside) if run.name < folder.name)
     alike = (
         run
-        for run in before
-        if (_document(run / RUN, {"policy"}) or {}).get("policy") == policy
+        for run in reversed(beside)
+        if run.name < folder.name
+        and (_document(run / RUN, {"policy"}) or {}).get("policy") == policy
     )
     results = []
     for run in islice(alike, count):
         with suppress(ConfigurationError, OSError):
             results.append(read_result(run))
-    return [result for result in results if result is not None]
+    return [*filter(None, results)]
 
 
 def read_row(folder: Path) -> RunRow:

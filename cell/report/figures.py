@@ -36,13 +36,6 @@ DRAWN = 6  # runs of which a page on many shows each
 CURVES = 26  # profiles that are drawn, of all that were measured
 NAMED_SHARE = 0.05  # of the run's time, from which on a state has room for its name
 LEFT, RIGHT = 0.075, 0.995  # shares of the figure's width between which its signals lie
-LEGEND: dict[str, Any] = {
-    "loc": "lower left",
-    "bbox_to_anchor": (0, 1),
-    "ncols": 3,
-    "handlelength": 1.2,
-    "borderaxespad": 0,
-}
 NOTE: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8.5}
 TIME_COLOURS = ["#8fc6b4", "#3f8fc4", "#6a4fb3", "#b0428f"]
 STATE_SHADES = {
@@ -282,7 +275,13 @@ def _draw_coordinate(
     for values, colour, name in lines:
         if np.isfinite(values).any():
             axes.plot(sights.stamp, values, color=colour, lw=1, label=name)
-    axes.legend(**LEGEND)
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
+        ncols=3,
+        handlelength=1.2,
+        borderaxespad=0,
+    )
 
 
 def image_ages(run: Run) -> Array:

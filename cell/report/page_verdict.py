@@ -43,10 +43,8 @@ class PageVerdict:
 
 def verdict(run: Run) -> str:
     """Text of the verdict on `run` in one line, from its record without the truth."""
-    said = f"{run.header.strip}: {verdict_of(run, is_under_way(run.folder)).headline}"
-    for first in weights(run, {})[:1]:
-        said += f": {first.text} ({first.tolerance})"
-    return said
+    said = verdict_of(run, is_under_way(run.folder))
+    return f"{run.header.strip}: {said.headline}. {' '.join(said.sentences[:1])}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -317,10 +317,9 @@ def _numbers(compared: Compared, folder: Path) -> tuple[str | Link, ...]:
     row, truth = compared.row, compared.truth
     lengths = (row.displacement, truth.get("displacement"), row.edge_offset)
     texts = (millimetres(v, signed=True) for v in (*lengths, truth.get("edge_offset")))
-    outcome = row.outcome.replace("_", " ")
     return (
-        _link(row, folder, row.short.split()[0]),
-        outcome,
+        _link(row, folder, compared.name),
+        plain(row.outcome),
         *texts,
         seconds(row.touch),
     )
@@ -395,8 +394,7 @@ def _shapes(compared: Sequence[Compared]) -> str:
                 text = f"{time:.1f} s"
                 axes.plot(*near.T, color=shade, lw=0.7, gid=f"{one.name}, {text}")
                 if number == 0 and len(near):
-                    beside = {"xytext": (3, 0), "textcoords": "offset points"}
-                    axes.annotate(text, near[-1], **beside, fontsize=8)
+                    axes.annotate(text, near[-1], (3, 0), **NOTE)
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
         figure.legend(loc="outside lower left", ncols=2)
         return as_svg(figure)
