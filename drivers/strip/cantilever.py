@@ -49,19 +49,23 @@ class HangingStrip:
     pull: Array
 
     def moved_by_bending_length(self) -> Array:
-        """Derivative (n + 1, 2) [m] of the strip's points by ln(bending length)."""
+        """Derivative (n + 1, 2) [m] of the hanging strip's n + 1 points by the
+        logarithm of its bending length.
+        """
         turn = solveh_banded(self.stiffness, 3 * self.pull * np.cos(self.angles))
         return self._motion(turn[:, None])[..., 0]
 
     def moved_by_clamp_angle(self) -> Array:
-        """Derivative (n + 1, 2) [m/rad] of the strip's points by the clamp angle."""
+        """Derivative (n + 1, 2) [m/rad] of the hanging strip's n + 1 points by the
+        angle at which the ledge clamps it.
+        """
         load = np.zeros(len(self.angles))
         load[0] = 1 / _spans(self.arc)[0]
         return self._motion(solveh_banded(self.stiffness, load)[:, None])[..., 0]
 
     def moved_by_rest_curvature(self, fields: Array) -> Array:
-        """Derivatives (n + 1, 2, m) [m] of the strip's points by amounts of rest
-        curvature.
+        """Derivatives (n + 1, 2, m) [m] of the hanging strip's points by the amounts of
+        m rest curvatures.
 
         `fields` (n, m) are m distributions of it over the `hinges`.
         """
@@ -70,23 +74,23 @@ class HangingStrip:
         return self._motion(solveh_banded(self.stiffness, load))
 
     def _motion(self, turn: Array) -> Array:
-        """Displacement (n + 1, 2, m) [m] of the points for `turn` (n, m) [rad] of the
-        segments.
+        """Displacements (n + 1, 2, m) [m] of the strip's points when its n segments
+        turn by `turn` (n, m) [rad].
         """
         across = left_normals(_chords(self.angles, self.arc))
         return running_sums(across[:, :, None] * turn[:, None, :])
 
 
 def segments(overhang: float) -> Array:
-    """Arc lengths (n + 1,) [m] of a strip's nodes from ledge to tip, denser near the
-    ledge.
+    """Arc lengths (n + 1,) [m] of a hanging strip's n + 1 nodes, denser
+    near the ledge.
     """
     return overhang * np.linspace(0.0, 1.0, SEGMENTS + 1) ** GRADING
 
 
 def hinges(overhang: float) -> Array:
-    """Arc lengths (n,) [m] of the hinges between segments, at which rest curvature is
-    given.
+    """Arc lengths (n,) [m] of a hanging strip's hinges, at the first node of each
+    segment.
     """
     return segments(overhang)[:-1]
 
@@ -131,8 +135,8 @@ def hanging_shape(
 def _equilibrium(
     angles: Array, rest_turns: Array, spans: Array, pull: Array, clamp_angle: float
 ) -> tuple[Array, Array | None]:
-    """Angles (n,) [rad] at rest by Newton's method, and stiffness (2, n); None if not
-    found.
+    """Solve for a hanging strip's segment angles (n,) [rad] at rest by Newton's method;
+    also gives the energy's banded second derivative (2, n), None if no rest is found.
     """
     for _ in range(ITERATIONS):
         gradient, stiffness = _derivatives(angles, rest_turns, spans, pull, clamp_angle)
@@ -149,8 +153,8 @@ def _equilibrium(
 
 
 def _newton_step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
-    """Newton step (n,) [rad]; `lifting` (n,) is added to an indefinite `stiffness` (2,
-    n).
+    """Newton step (n,) [rad] of a hanging strip's angles; `lifting` (n,) is added to
+    the diagonal of an indefinite `stiffness` (2, n).
     """
     if not _stable(stiffness):
         stiffness = stiffness.copy()
@@ -171,13 +175,15 @@ def _stable(stiffness: Array) -> bool:
 
 
 def _chords(angles: Array, arc: Array) -> Array:
-    """Segments (n, 2) [m] at `angles` (n,) [rad] between arc lengths `arc` (n + 1,)."""
+    """Vectors (n, 2) [m] of a strip's n segments at `angles` (n,) [rad] between nodes
+    at arc lengths `arc` (n + 1,) [m].
+    """
     return np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.diff(arc)[:, None]
 
 
 def _spans(arc: Array) -> Array:
-    """Length (n,) [m] of strip lumped at each hinge, between the middles of its
-    segments.
+    """Length (n,) [m] of strip that each hinge stands for: from the middle of one of
+    its segments to that of the other.
     """
     lengths = np.diff(arc)
     spans: Array = 0.5 * (lengths + np.append(0.0, lengths[:-1]))
@@ -197,8 +203,8 @@ def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:
 def _derivatives(
     angles: Array, rest_turns: Array, spans: Array, pull: Array, clamp_angle: float
 ) -> tuple[Array, Array]:
-    """Gradient (n,) and Hessian's upper band (2, n) of the energy over EI [1/m] by the
-    angles.
+    """Gradient (n,) and upper band (2, n) of the Hessian of a hanging strip's energy
+    over EI [1/m] by its segment angles.
     """
     moment = (np.diff(angles, prepend=clamp_angle) - rest_turns) / spans
     gradient = moment + pull * np.cos(angles)

@@ -21,8 +21,8 @@ from drivers.strip.model import CELLS, Effects, Mechanics, StripModel
 def describe(
     strip: StripFile, cell_effects: Effects | None = None, index: int = 0
 ) -> StripModel:
-    """Build the physical model of `strip` with its effects and, over these,
-    `cell_effects`.
+    """Build the physical model of `strip` with the effects in its file, which
+    `cell_effects` override.
 
     `index` is the number of runs that this specimen has already been through.
     """
@@ -42,14 +42,15 @@ def describe(
 
 
 def load_plant(path: Path) -> StripFile:
-    """Plant in the file at `path`: as `load_strip`, but effects may also be those of
+    """Load the file at `path` of a strip to simulate, which may also state effects of
     the cell.
     """
     return load_strip(path, ("strip", "cell"))
 
 
 def load_strip(path: Path, of: Collection[str] = ("strip",)) -> StripFile:
-    """Strip in the file at `path`, with effects `of` strips.
+    """Load the strip file at `path`, whose effects may be of the kinds in `of`
+    ("strip", "cell").
 
     Raises ConfigurationError for a bad file, for effects or a law out of range or
     beside the strip, and for a strip that one engine refuses: the twin's chain and the
@@ -76,8 +77,8 @@ def load_strip(path: Path, of: Collection[str] = ("strip",)) -> StripFile:
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Range, `low` to `high`, of a strip's property `value` in which an `engine` is
-    validated.
+    """Range from `low` to `high` of a strip's property `value` in which a simulation
+    `engine` is validated.
 
     Below `refused` the engine gives no result at all; `why` is what happens outside.
     Measured on folds of denim with one value changed, against the same engine with

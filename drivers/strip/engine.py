@@ -15,8 +15,8 @@ from drivers.strip.model import StripModel
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """First touch of a fold's layers: `time` [s], `x` [m], arc lengths [m] to both
-    edges.
+    """First contact of a folding strip's two layers: `time` [s], place `x` [m], and arc
+    lengths [m] from there to the grasped and the fixed edge.
 
     `extension` [m] is how much longer than `to_grasped` the upper layer is up to the
     grip, because it is stretched or slid out of the grip. The grasped edge is to come
@@ -34,8 +34,8 @@ class Touch:
     def in_shape(
         cls, time: float, x: float, s: float, arc: Array, midline: Array
     ) -> Self:
-        """Touch at `x` and arc length `s` [m] of a `midline` (n, 2) with nodes at `arc`
-        (n,).
+        """Layer touch at `time` [s], at `x` [m] and arc length `s` [m] of a strip whose
+        midline (n, 2) [m] has its nodes at `arc` (n,) [m].
         """
         along = arc_lengths(midline)
         at_rest = float(arc[-1]) - s
@@ -50,7 +50,9 @@ class Touch:
 
     @property
     def displacement(self) -> float:
-        """Displacement d = l1 - l2 [m] of the grasped edge from `goal`."""
+        """Distance d = l1 - l2 [m] by which the grasped edge will miss `goal`, with l1
+        and l2 the lengths from the touch to the grasped and the fixed edge.
+        """
         return self.to_grasped - (self.to_fixed - self.goal)
 
 
@@ -77,8 +79,8 @@ class Stepper(Protocol):
     """
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        """Lay the strips flat and at rest, gripped at (stated length, 0) with pitch 0,
-        at time 0.
+        """Lay the strips flat and at rest at time 0, each gripped at x = its stated
+        length, z = 0, pitch 0.
 
         Raises Unsupported for a part of a model that the engine cannot represent.
         """
@@ -90,18 +92,20 @@ class Stepper(Protocol):
         """
 
     def shapes(self) -> Array:
-        """Midlines (n, nodes, 2) [m] of all strips, from the fixed to the grasped
+        """Midlines (n, nodes, 2) [m] of all n strips, from the fixed to the grasped
         edge.
         """
 
     def arc(self) -> Array:
-        """Unstretched arc lengths (n, nodes) [m] of the nodes from the fixed edge."""
+        """Unstretched arc lengths (n, nodes) [m] of the strips' nodes, from the fixed
+        edge.
+        """
 
 
 @dataclass(frozen=True, slots=True)
 class StripMotion:
-    """Simulated motion of one strip: observables at k times, shapes and the layer
-    touch, if any.
+    """Simulated motion of one strip: its observables at k times, its shapes, and the
+    touch of its layers, None without one.
 
     Times (k,), gripper poses (k, 3), contact_x (k,), holding_force (k,), grip_force (k,
     2), shapes (k, nodes, 2) or (0, nodes, 2). Values are true, over the true desk;

@@ -53,8 +53,8 @@ class StripFile(VersionedFile):
     def _check_spread(
         cls, spread: dict[str, tuple[float, float]]
     ) -> dict[str, tuple[float, float]]:
-        """Refuse a range of a key that has none, and bounds that are not 0 < low <=
-        high.
+        """Validate `spread`: raises ValueError for a key that cannot have a range, or
+        bounds that are not 0 < low <= high.
         """
         known = {"bending_length", "retardation_time", "areal_density", "thickness"}
         for key, (low, high) in spread.items():

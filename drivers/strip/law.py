@@ -36,8 +36,8 @@ def _term(
     apply: Apply | str,
     least: float | None = None,
 ) -> Effect:
-    """Generic term, of an amount from `least` to `most`, by default of either sign, of
-    which `size` shows in ten runs.
+    """Build the generic term `name`, whose amount lies between `least` (by default
+    -`most`) and `most`; an amount of `size` shows in ten runs.
 
     `apply(model, amount)` is a copy of the model with the term; a dotted path names the
     field to which it is added.
@@ -99,8 +99,8 @@ def _stiffen_with_use(model: StripModel, amount: float) -> StripModel:
 
 
 def _position(model: StripModel) -> Array:
-    """Relative arc length (CELLS,) of the cells, from -1/2 at the fixed edge to 1/2 at
-    the grip.
+    """Relative arc lengths (CELLS,) of the strip model's cells, from -1/2 at the fixed
+    edge to 1/2 at the grip.
     """
     return model.mechanics.positions
 

@@ -29,7 +29,8 @@ CONTACT_HEIGHT = 0.001  # m above rest at which desk_contact is defined
 
 @dataclass(frozen=True, slots=True)
 class BendingLaw:
-    """Bending moment as a function of curvature, beyond the linear Kelvin-Voigt law.
+    """Deviations of a strip's bending moment from a linear viscoelastic (Kelvin-Voigt)
+    law of its curvature.
 
     A term whose amount is 0 is off. `cubic` [m^2] and `fifth`: M = EI kappa (1 + u +
     fifth u^2) with u = cubic kappa^2, level past the crest where a softening law
@@ -54,8 +55,8 @@ class BendingLaw:
 
     @property
     def crest(self) -> float:
-        """Curvature [1/m] from which the elastic moment is constant; infinite if it
-        never is.
+        """Curvature [1/m] beyond which the elastic bending moment stays constant;
+        infinite if it never does.
         """
         if self.cubic >= 0 or 20.0 * self.fifth >= 9.0:
             return math.inf
@@ -107,50 +108,54 @@ class Mechanics:
 
     @property
     def cells(self) -> Array:
-        """Arc lengths (CELLS,) [m] of the cells' middles, from the fixed edge."""
+        """Arc lengths (CELLS,) [m] of the middles of the strip's equal cells, from the
+        fixed edge.
+        """
         return np.asarray((np.arange(CELLS) + 0.5) * (self.length / CELLS))
 
     @property
     def positions(self) -> Array:
-        """Arc lengths (CELLS,) of the cells over the length, from -1/2 at the fixed
+        """Relative arc lengths (CELLS,) of the strip's cells, from -1/2 at the fixed
         edge to 1/2 at the grip.
         """
         return self.cells / self.length - 0.5
 
     @property
     def ends(self) -> Array:
-        """Arc lengths (2,) [m] of the fixed and the grasped edge."""
+        """Arc lengths (2,) [m] of the strip's fixed and grasped edges."""
         return np.array([0.0, self.length])
 
     @property
     def touch_gap(self) -> float:
-        """Vertical distance [m] of midlines at which layers touch: thickness, at least
-        1 mm.
+        """Vertical distance [m] of two layers' midlines at which they touch: the
+        thickness, at least 1 mm.
         """
         return max(self.thickness, 0.001)
 
     @property
     def drag_per_length(self) -> float:
-        """Drag force per length over the square of the normal speed [N s^2/m^3]."""
+        """Air drag per length of strip over the square of its normal speed
+        [N s^2/m^3].
+        """
         return 0.5 * AIR_DENSITY * self.drag.coefficient * self.width
 
     def total(self, values: Array, edges: Array) -> Array:
-        """Integral (n,) of a per-cell field (CELLS,) over the spans of `edges` (n + 1,)
-        [m].
+        """Integrals (n,) of a per-cell field `values` (CELLS,) over the n spans between
+        arc lengths `edges` (n + 1,) [m].
         """
         borders = np.linspace(0.0, self.length, len(values) + 1)
         up_to_border = running_sums(values) * (self.length / len(values))
         return np.diff(np.interp(edges, borders, up_to_border))
 
     def mean(self, values: Array, edges: Array) -> Array:
-        """Mean (n,) of a per-cell field (CELLS,) over the spans between `edges` (n +
-        1,) [m].
+        """Means (n,) of a per-cell field `values` (CELLS,) over the n spans between arc
+        lengths `edges` (n + 1,) [m].
         """
         return self.total(values, edges) / np.diff(edges)
 
     def series(self, values: Array, edges: Array) -> Array:
-        """Harmonic mean (n,) of a per-cell field (CELLS,) over spans of `edges` (n +
-        1,) [m].
+        """Harmonic means (n,) of a per-cell field `values` (CELLS,) over the n spans
+        between arc lengths `edges` (n + 1,) [m].
         """
         return 1.0 / self.mean(1.0 / values, edges)
 
@@ -201,8 +206,8 @@ class Boundary:
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """Errors of gripper pose and desk height, true minus reported, and delay of the
-    arm's stamps.
+    """Errors of the reported gripper pose and desk height (true minus reported), and
+    the delay of the arm's time stamps.
 
     `grip_x`, `grip_z` [m] and `grip_tilt` [rad] of the gripper's pose, `desk_height`
     [m] of the desk, `delay` [s] of the gripper's stamps. Applied in `observation`:
@@ -257,8 +262,8 @@ class StripModel:
 
 
 def with_field(part: T, path: str, value: Any) -> T:
-    """Copy of `part`, a dataclass of a strip model, with `value` in the field at dotted
-    `path`.
+    """Copy of the dataclass `part` with `value` in the field at the dotted `path`, such
+    as "mechanics.law.cubic".
     """
     name, _, inner = path.partition(".")
     if inner:
@@ -267,16 +272,16 @@ def with_field(part: T, path: str, value: Any) -> T:
 
 
 def with_added(model: StripModel, path: str, change: Array | float) -> StripModel:
-    """Copy of `model` with a `change`, a scalar or (CELLS,), added to the field at
-    `path`.
+    """Copy of `model` with `change`, a scalar or an array (CELLS,), added to the field
+    at the dotted `path`.
     """
     value = attrgetter(path)(model) + change
     return with_field(model, path, frozen(value) if np.ndim(value) else value)
 
 
 def scale_rigidity(model: StripModel, factor: Array | float) -> StripModel:
-    """Copy of `model` with rigidity and viscosity times `factor`, a scalar or
-    (CELLS,).
+    """Copy of `model` with its bending rigidity and viscosity multiplied by `factor`, a
+    scalar or an array (CELLS,).
     """
     mechanics = model.mechanics
     rigidity = frozen(mechanics.rigidity * factor)

@@ -31,8 +31,8 @@ SHORTEST_WINDOW = 1e-9  # s, keeps the mean of a path of one row finite
 def true_path(
     rig: Rig, t: Array, poses: Array, *, hanging: bool = False
 ) -> tuple[Array, Array]:
-    """True times (m,) [s] and gripper poses (m, 3) [m, m, rad] for reported `t` and
-    `poses`.
+    """True times (m,) [s] and gripper poses (m, 3) [m, m, rad] for the times `t` (m,)
+    and `poses` (m, 3) that an arm reported.
 
     `hanging`: the strip hangs when the path begins. Without effects of the rig the
     arrays are returned unchanged.
@@ -46,8 +46,8 @@ def true_path(
 
 
 def _fraction_away(poses: Array, start: Array) -> Array:
-    """Fraction (...,), 0 to 1, of the rig's offsets at reported `poses` (..., 3) [m, m,
-    rad].
+    """Fraction (...,), from 0 to 1, of the rig's pose offsets that acts at reported
+    gripper `poses` (..., 3) [m, m, rad].
 
     It grows with the distance from `start` (3,), the pose of the grasp.
     """
@@ -57,14 +57,15 @@ def _fraction_away(poses: Array, start: Array) -> Array:
 
 
 def true_poses(rig: Rig, reported: Array, fraction: Array | float) -> Array:
-    """True gripper poses (..., 3) [m, m, rad]: `reported` (..., 3) plus a `fraction`
-    of the offsets.
+    """True gripper poses (..., 3) [m, m, rad] for `reported` ones (..., 3), with a
+    `fraction` of the rig's offsets added.
     """
     return reported + np.multiply.outer(fraction, _offset(rig))
 
 
 class GrowingOffsets:
-    """Offsets of a `rig` that grow with the distance of a gripper from its grasp.
+    """Pose offsets of a `rig` that grow from 0 to their full size as the gripper moves
+    away from where it grasped.
 
     `start` (3,) is the reported pose of the grasp, None before it; `fraction` of the
     offsets acts.
@@ -85,33 +86,37 @@ class GrowingOffsets:
         return self.true(reported)
 
     def true(self, reported: Array) -> Array:
-        """True pose (3,) [m, m, rad] of a gripper at `reported` (3,), with the offsets
-        so far.
+        """True pose (3,) [m, m, rad] of a gripper reported at `reported` (3,), with the
+        fraction of the offsets reached so far.
         """
         return true_poses(self._rig, reported, self.fraction)
 
 
 def reported_poses(rig: Rig, true: Array, fraction: Array | float) -> Array:
-    """Reported gripper poses (..., 3) [m, m, rad]: `true` (..., 3) less a `fraction` of
-    the offsets.
+    """Gripper poses (..., 3) [m, m, rad] that an arm reports for `true` ones (..., 3),
+    with a `fraction` of the rig's offsets removed.
     """
     return true - np.multiply.outer(fraction, _offset(rig))
 
 
 def _offset(rig: Rig) -> Array:
-    """Offset (3,) [m, m, rad] from the reported to the true gripper pose above the true
-    desk.
+    """Offset (3,) [m, m, rad] from the reported to the true gripper pose, heights being
+    above the true desk.
     """
     return np.array([rig.grip_x, rig.grip_z - rig.desk_height, rig.grip_tilt])
 
 
 def image_stamp(observation: ObservationModel, t: Number) -> Number:
-    """Stamp (...,) [s] of an image that shows the strip at true time `t` (...,)."""
+    """Time stamp (...,) [s] of an image that shows the strip as it was at true time `t`
+    (...,) [s].
+    """
     return t + observation.camera_latency
 
 
 def imaged_time(observation: ObservationModel, stamp: Number) -> Number:
-    """True time (...,) [s] of the strip that an image with `stamp` (...,) shows."""
+    """True time (...,) [s] at which the strip was as an image with the time stamp
+    `stamp` (...,) [s] shows it.
+    """
     return stamp - observation.camera_latency
 
 
@@ -134,7 +139,7 @@ def true_points(model: StripModel, points: Array) -> Array:
 
 
 def measured_contact(observation: ObservationModel, x: Number) -> Number:
-    """Contact_x (...,) [m] that the camera measures for a true desk contact at `x`
+    """Desk contact x (...,) [m] that the camera measures where the true one is `x`
     (...,) [m].
     """
     return (1 + observation.scale) * x + (
@@ -143,8 +148,8 @@ def measured_contact(observation: ObservationModel, x: Number) -> Number:
 
 
 def mean_force(t: Array, force: Array) -> Array:
-    """Moving average (k, 2) [N] over FORCE_WINDOW of `force` (k, 2) at times `t` (k,)
-    [s].
+    """Moving average (k, 2) [N] over FORCE_WINDOW seconds of `force` (k, 2) [N] at
+    times `t` (k,) [s].
 
     Between the rows of a recorded path a simulated gripper jerks, as a real arm does
     not.
@@ -160,8 +165,8 @@ def mean_force(t: Array, force: Array) -> Array:
 def reported_force(
     observation: ObservationModel, t: Array, true_t: Array, force: Array
 ) -> Array:
-    """Reported force (m, 2) [N] at `t` (m,) [s] for a true `force` (k, 2) at `true_t`
-    (k,) [s].
+    """Force (m, 2) [N] that the sensor reports at times `t` (m,) [s], for a true
+    `force` (k, 2) [N] at times `true_t` (k,) [s].
     """
     then = t - observation.force_delay
     offset = np.array([observation.force_x, observation.force_z])

@@ -33,8 +33,8 @@ NO_GAP = LayerGap(math.inf, math.nan, math.nan)
 
 
 def desk_contact(points: Array, height: float) -> float:
-    """Desk contact x [m], where the midline `points` (n, 2) rises over `height` [m] to
-    the fold.
+    """x [m] of the desk contact: where the midline `points` (n, 2) [m] rises above
+    `height` [m] towards the fold.
 
     Searched from the fold's rightmost point back to where the strip lies for
     LYING_LENGTH, or to the fixed edge. So neither ripples that friction leaves in the
@@ -45,16 +45,16 @@ def desk_contact(points: Array, height: float) -> float:
 
 
 def fold_tip(points: Array) -> tuple[float, float]:
-    """Fold tip x, z [m]: the rightmost point of the midline `points` (n, 2), by a
-    parabola.
+    """x, z [m] of the fold's tip, the rightmost point of the midline `points` (n, 2)
+    [m], refined by a parabola.
     """
     _, x, z, *_ = _features_of(points)
     return float(x), float(z)
 
 
 def layer_gap(points: Array, s: Array, opening: float) -> LayerGap | None:
-    """Smallest vertical gap between upper and lower layer of a midline; None before a
-    fold.
+    """Smallest vertical gap between the upper and lower layer of a folding strip's
+    midline; None before there is a fold.
 
     `points` are (n, 2), `s` (n,) their arc lengths [m]. The upper layer runs from the
     fold's rightmost point to the grasped edge. Near that point both layers meet by
@@ -96,8 +96,8 @@ def features(x: Any, z: Any, height: float, opening: float) -> Any:
 
 @entry
 def layer_touch(before: Any, now: Any, limit: float) -> Any:
-    """Share of a time step at which layers touch, and x and arc length [m] of the
-    touch.
+    """Fraction of a time step after which a fold's layers touch, and x and arc length
+    [m] of the touch.
 
     `before` and `now` are height, x and arc length [m] of the layer gap at the
     beginning of the step and at its end, where the height is at most `limit` [m].
@@ -117,15 +117,15 @@ def layer_touch(before: Any, now: Any, limit: float) -> Any:
 
 @kernel
 def at_index(values: Any, index: float) -> Any:
-    """Linear interpolation of `values` (n,) at fractional `index`."""
+    """Value at a fractional `index` of `values` (n,), interpolated linearly."""
     j = min(int(index), len(values) - 2)
     return values[j] + (values[j + 1] - values[j]) * (index - j)
 
 
 @kernel
 def _contact_before(x: Any, z: Any, tip: int, height: float) -> Any:
-    """x [m] where nodes x, z (n,) [m] rise over `height` [m] to the fold, rightmost at
-    `tip`.
+    """x [m] of the desk contact: where nodes x, z (n,) [m] rise above `height` [m]
+    before the rightmost node `tip`.
     """
     last = len(x) - 1
     j = tip
@@ -149,8 +149,8 @@ def _contact_before(x: Any, z: Any, tip: int, height: float) -> Any:
 
 @kernel
 def _vertex(left: float, middle: float, right: float) -> float:
-    """Offset [nodes] from the middle, at most +-0.5, of a parabola's extremum by three
-    values.
+    """Offset from the middle of three equally spaced values, in nodes and at most
+    +-0.5, of the vertex of the parabola through them.
     """
     bend = left - 2 * middle + right
     if bend == 0:
@@ -170,7 +170,9 @@ def _rightmost(x: Any) -> int:
 
 @kernel
 def _refine_tip(x: Any, z: Any, j: int) -> Any:
-    """x, z [m] of the rightmost point near node `j`, by a parabola."""
+    """x, z [m] of a midline's rightmost point near its node `j`, by a parabola through
+    three nodes.
+    """
     if j in (0, len(x) - 1):
         return x[j], z[j]
     offset = _vertex(x[j - 1], x[j], x[j + 1])
@@ -182,8 +184,8 @@ def _refine_tip(x: Any, z: Any, j: int) -> Any:
 
 @kernel
 def _height_over_lower_layer(x: Any, z: Any, j: int, k: int) -> Any:
-    """Height [m] of node `j` over the lower layer, infinite for none below, and its
-    segment.
+    """Height [m] of node `j` above the fold's lower layer, infinite where none lies
+    below it, and the segment `k` below it.
     """
     if x[j] < x[0]:
         return math.inf, k
@@ -196,8 +198,8 @@ def _height_over_lower_layer(x: Any, z: Any, j: int, k: int) -> Any:
 
 @kernel
 def _narrowest_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
-    """Height [m], infinite for none, and fractional node index of the narrowest layer
-    gap.
+    """Height [m] (infinite for none) and fractional node index of the narrowest gap
+    between a fold's layers.
     """
     last = len(x) - 1
     best = math.inf
@@ -223,8 +225,8 @@ def _narrowest_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
 
 @kernel
 def _refine_minimum(before: float, middle: float, after: float, j: int) -> Any:
-    """Height [m] and node index of a minimum, by a parabola through gaps at j - 1, j
-    and j + 1.
+    """Height [m] and fractional node index of the layer gap's minimum, by a parabola
+    through the gaps at nodes j - 1, j and j + 1.
     """
     if math.isinf(before) or math.isinf(after):
         return middle, float(j)

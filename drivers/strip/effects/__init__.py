@@ -40,8 +40,8 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
 def _fit_to_strip(
     effect: Effect, values: Mapping[str, float], model: StripModel
 ) -> Mapping[str, float]:
-    """Copy of `values` with positions beyond the true end of a shorter strip moved to
-    that end.
+    """Copy of the effect's parameter `values` whose positions beyond the end of a strip
+    that is shorter than stated are moved to that end.
     """
     end = model.mechanics.length
     places = [

@@ -37,8 +37,8 @@ def _add_crease(model: StripModel, angle: float, position: float) -> StripModel:
 
 
 def _add_grasp_crease(model: StripModel, turn: float) -> StripModel:
-    """Copy of `model` with a crease of `turn` [rad] in front of the grip, as left by
-    the grasp.
+    """Copy of `model` with a crease of `turn` [rad] in front of the gripper, as the
+    grasp leaves it.
 
     The grasp turns and pushes the lying strip before it is lifted. Where it bends then
     depends on unknown slack, and the crease left in a strip with bending hysteresis
@@ -212,8 +212,8 @@ SEAM = law_effect(
 def _stiffen_towards_one_end(
     model: StripModel, values: Mapping[str, float]
 ) -> StripModel:
-    """Scale the rigidity linearly in the arc length, or with `central` steeper in the
-    middle.
+    """Copy of `model` whose bending rigidity rises linearly along the strip, or with
+    `central` more steeply in the middle.
     """
     away = model.mechanics.positions
     rise = away * (1.0 + values["central"] * (1.0 - 4.0 * away**2))

@@ -24,7 +24,9 @@ SCALE_STEP, SCALE_SPREAD = 0.02, 4.0
 
 
 class Stage(IntEnum):
-    """Part of the strip model that an effect changes; effects apply in this order."""
+    """Part of the strip model that an effect changes; effects apply in the order of
+    these stages.
+    """
 
     SIZE = 0
     LAW = 1
@@ -34,7 +36,8 @@ class Stage(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """Uniform distribution, log-uniform if `log`, from `low` to `high`.
+    """Distribution from which a parameter is drawn: uniform from `low` to `high`, or
+    log-uniform if `log`.
 
     Both are shares of the strip's length if `of_length`.
     """
@@ -45,7 +48,7 @@ class Span:
     of_length: bool = False
 
     def sample(self, rng: np.random.Generator, length: float) -> float:
-        """Random value of the distribution, for a strip of `length` [m]."""
+        """Value drawn at random from the distribution, for a strip of `length` [m]."""
         lowest = self.low
         if self.log:
             value = float(np.exp(rng.uniform(np.log(lowest), np.log(self.high))))
@@ -61,8 +64,8 @@ PLACE_SPAN = Span(0.15, 0.95, of_length=True)  # along a strip, away from its fi
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """Number of an effect, of a model's base or of a run: unit, range, prior,
-    difference step.
+    """Description of one number of an effect, a strip model or a run: its unit, range,
+    prior and finite-difference step.
 
     `start` is the stated value, of an effect's amount the null at which the effect
     vanishes.
@@ -97,12 +100,16 @@ class Parameter:
 
     @classmethod
     def signed(cls, name: str, unit: str, most: float) -> "Parameter":
-        """Amount of either sign, up to `most`."""
+        """Parameter for an effect's amount that may have either sign, up to `most` in
+        size.
+        """
         return cls(name, unit, low=-most, high=most)
 
     @classmethod
     def limit(cls, name: str, unit: str, low: float, high: float) -> "Parameter":
-        """Limit of a force or a stiffness from `low` to `high`, absent at infinity."""
+        """Parameter for a limiting force or stiffness from `low` to `high`; at infinity
+        the effect is absent.
+        """
         return cls(
             name=name,
             unit=unit,
@@ -116,7 +123,9 @@ class Parameter:
     def scale(
         cls, name: str, unit: str, low: float, high: float, role: Role
     ) -> "Parameter":
-        """Width or time of an effect, of which nothing but its range is known."""
+        """Parameter for a width or time of an effect, of which only the range from
+        `low` to `high` is known.
+        """
         start = sqrt(low * high)
         return cls(
             name=name,
@@ -131,8 +140,8 @@ class Parameter:
 
     @classmethod
     def shape(cls, name: str, unit: str, high: float, guess: float) -> "Parameter":
-        """Shape of an effect's law, from 0, where it usually is, to `high`; tried at
-        `guess`.
+        """Parameter for the shape of an effect's law, from 0 (usual) to `high`; a fit
+        first tries `guess`.
         """
         return cls(
             name=name,
@@ -147,18 +156,18 @@ class Parameter:
 
     @property
     def is_amount(self) -> bool:
-        """Whether the number says how strongly an effect acts."""
+        """Whether the parameter says how strongly its effect acts."""
         return self.role == "amount"
 
     @property
     def stated_range(self) -> tuple[float, float]:
-        """Least and greatest value as files state it."""
+        """Least and greatest value of the parameter as strip files state it."""
         low, high = sorted(map(self.stated_value, (self.low, self.high)))
         return low, high
 
     def stated_value(self, value: float) -> float:
-        """Fitted `value` as files state it, or the other way round: an `inverse`'s
-        reciprocal.
+        """Convert a fitted `value` to the one that strip files state, or back: the
+        reciprocal for `inverse` parameters.
         """
         if not self.inverse:
             return value
@@ -171,8 +180,8 @@ WIDTH = Parameter.scale("width", "m", low=0.001, high=0.5, role="width")
 
 
 def set_fields(**fields: str) -> Apply:
-    """Function `apply` of an effect that writes parameters into model fields at dotted
-    paths.
+    """Build the `apply` function of an effect that writes its parameters into a model's
+    fields, given as dotted paths.
     """
 
     def apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
@@ -225,15 +234,17 @@ class Effect:
         return tuple(float(np.clip(size, low, high)) for size in typical)
 
     def complete(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Copy of `values` with the ratios and shapes that it lacks."""
+        """Copy of the effect's parameter `values`, with default ratios and shapes where
+        they are missing.
+        """
         usual = {
             p.name: p.start for p in self.parameters if p.role in {"ratio", "shape"}
         }
         return {**usual, **values}
 
     def stated(self, values: Sequence[float]) -> dict[str, float] | None:
-        """Fitted `values` as files state them, by name; None where the effect is
-        absent.
+        """Fitted `values` of the effect by parameter name, as strip files state them;
+        None where the effect is absent.
 
         They may lack those of the shape, which come last.
         """

@@ -118,8 +118,8 @@ def _by_strip(batch: Batch, slots: NDArray[T]) -> NDArray[T]:
 
 
 def _flat_states(natures: Array) -> Array:
-    """States (n, rows, fields) of strips with coefficients `natures`, flat and at
-    rest.
+    """Initial states (n, rows, fields) of n strips with the coefficients `natures` (n,
+    rows, fields), flat and at rest.
     """
     rich = natures.shape[2] == at.RICH_NATURE
     spans = natures[:, :, at.SPAN]
@@ -136,8 +136,8 @@ def _flat_states(natures: Array) -> Array:
 
 
 def _monitor(model: StripModel) -> Array:
-    """Monitor (MONITOR_SIZE,) of a flat strip: limits for contact and touch, results
-    yet NaN.
+    """Initial monitor (MONITOR_SIZE,) of a flat strip: limits for desk contact and
+    layer touch, and NaN for results to come.
     """
     mechanics = model.mechanics
     monitor = np.full(at.MONITOR_SIZE, np.nan)

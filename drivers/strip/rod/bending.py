@@ -21,7 +21,9 @@ from drivers.strip.rod.terms import gradual_friction, lagging_moment, stick_slip
 
 @kernel
 def direction(state: Any, r: int) -> Any:
-    """Unit tangent x, z, inverse length [1/m] and length [m] of segment `r`."""
+    """Unit tangent x, z, inverse length [1/m] and length [m] of the rod's
+    segment `r`.
+    """
     x, z = pair(state, r, at.X)
     next_x, next_z = pair(state, r + 1, at.X)
     ex = next_x - x
@@ -50,8 +52,8 @@ def strain(a: Any, b: Any) -> Any:
 
 @kernel
 def _friction_element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
-    """Moment [N m] of an elasto-plastic element after a `change` of strain, and its
-    tangent.
+    """Moment [N m] of an elastoplastic friction element after a `change` of strain, and
+    its derivative by the strain.
 
     By return mapping: `stick` is its stiffness, `slip` the moment at which it slides,
     `before` its moment before the change.
@@ -65,8 +67,8 @@ def _friction_element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
 
 @kernel
 def dry_friction(block: Any, r: int, eps: Any) -> Any:
-    """Moment [N m] of the friction element at row `r` at bending strain `eps`, and its
-    tangent.
+    """Moment [N m] of the friction element at node row `r` at bending strain `eps`, and
+    its derivative by the strain.
     """
     stick = load(block.nature, r, at.STICK)
     slip = load(block.nature, r, at.SLIP)
@@ -76,8 +78,8 @@ def dry_friction(block: Any, r: int, eps: Any) -> Any:
 
 @kernel
 def _elastic_moment(block: Any, r: int, e: Any) -> Any:
-    """Elastic moment K e (1 + u + fifth u^2) [N m], u = cubic e^2, at row `r`, and its
-    tangent.
+    """Elastic moment K e (1 + u + fifth u^2) [N m] at node row `r` for bending strain
+    e, with u = cubic e^2, and its derivative by e.
     """
     nature = block.nature
     stiffness = load(nature, r, at.BEND)
@@ -94,7 +96,8 @@ def _elastic_moment(block: Any, r: int, e: Any) -> Any:
 
 @kernel
 def _moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
-    """Bending moment M(eps) [N m] at row `r`, and its tangent dM/deps.
+    """Bending moment M(eps) [N m] of the rod at node row `r`, and its derivative
+    dM/deps.
 
     M = K e (1 + u + fifth u^2) + D deps/dt + friction with u = cubic e^2, e = eps -
     rest and deps/dt = rate (eps - base).
@@ -118,8 +121,8 @@ def _moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
 
 @kernel
 def _node_moment(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
-    """Moment [N m] on the angle at row `r` between segments with unit tangents `a` and
-    `b`.
+    """Moment [N m] of the rod on its angle at node row `r`, between segments with unit
+    tangents `a` and `b`.
 
     With q = tan(theta / 4): deps/dtheta = 1 + q^2, d2eps/dtheta2 = q (1 + q^2) / 2.
     Leaves the tangent d(moment)/dtheta in `work`.
@@ -134,8 +137,8 @@ def _node_moment(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
 
 @kernel
 def _segment_turn(work: Any, r: int, u: Any) -> Any:
-    """Turn (x, z) [rad/m] of segment `r` per motion of its end, written into `work` as
-    well.
+    """Turn (x, z) [rad/m] of the rod's segment `r` with unit tangent `u` per motion of
+    its end, also written into `work`.
     """
     turn = -(u[1] * u[2]), u[0] * u[2]
     store_pair(work, r, at.TURN_X, turn)
@@ -144,8 +147,8 @@ def _segment_turn(work: Any, r: int, u: Any) -> Any:
 
 @kernel
 def _segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
-    """Write the force [N] of segment `r` on its first node, and its 2 x 2 stiffness,
-    into `work`.
+    """Write into the block's `work` the force [N] of the rod's segment `r` on its first
+    node, and its 2 x 2 stiffness.
 
     f = T t + V n with tension T = EA (l / l0 - 1) and shear V = couple / l, couple the
     difference of the moments at its ends; df/de = EA/l0 t t' + T/l n n' + couple
@@ -192,8 +195,8 @@ def _extend_free_end(state: Any) -> None:
 
 @kernel
 def internal_forces(block: Any, rate: Any) -> None:
-    """Write forces and stiffness of all segments and bending tangents of nodes into
-    `work`.
+    """Write the forces and stiffness of all the rod's segments, and the bending
+    tangents of its nodes, into the block's `work`.
     """
     state = block.state
     end = state.shape[0] - 2

@@ -27,7 +27,9 @@ class Output(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """End of step number `k`, of length `h` [s], at `time` [s]."""
+    """Step number `k` of a simulation: its length `h` [s], and the `time` [s] at its
+    end.
+    """
 
     k: int
     time: float
@@ -36,8 +38,8 @@ class Moment(NamedTuple):
 
 @kernel
 def _copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
-    """Copy the midline of the strip in lane `lane` of a block into `x` and `z` (nodes,)
-    [m].
+    """Copy the midline of the strip in lane `lane` of a block's `state` into the arrays
+    `x` and `z` (nodes,) [m].
     """
     for j in range(len(x)):
         x[j] = load_lane(state, j + 1, at.X, lane)
@@ -46,7 +48,8 @@ def _copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
 
 @kernel
 def _finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) -> None:
-    """Write shapes and observables of the strips of block `b` at `moment`.
+    """Write shapes and observables of the strips of block `b` at the end of a step, and
+    end those that are done.
 
     Ends those in the lanes `unsolved`, which failed to converge, and those that have
     touched.
@@ -78,8 +81,8 @@ def _finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) -
 
 @kernel
 def _write_observables(batch: Any, b: int, lane: int, midline: Any, row: Any) -> Any:
-    """Write what is measured of a strip with `midline` x, z (nodes,) [m], as its
-    contact, tip and forces, into its `row` of the output.
+    """Write the observables (OBSERVABLE_COUNT,) of the strip in lane `lane` of block
+    `b` into `row`, from its midline x, z (nodes,) [m].
 
     Returns the height [m] of its layer gap, and the gap's place as an index of nodes.
     """
@@ -96,8 +99,8 @@ def _write_observables(batch: Any, b: int, lane: int, midline: Any, row: Any) ->
 
 @kernel
 def _watch_gap(monitor: Any, gap: Any, moment: Any) -> Any:
-    """Store the `gap` between the layers, as height, x and arc length [m]; returns
-    whether it closed in this step, whose time and place are then stored.
+    """Store the strip's layer gap, as height, x and arc length [m], in its `monitor`;
+    returns whether it closed, with the place of the touch.
     """
     touched = gap[0] <= monitor[at.TOUCH_GAP]
     if touched:
@@ -111,8 +114,8 @@ def _watch_gap(monitor: Any, gap: Any, moment: Any) -> Any:
 
 @kernel
 def retire(batch: Any, b: int, lane: int, observed: Any, k: int) -> None:
-    """End the strip in lane `lane` of block `b` after step `k`; its observables stay
-    constant.
+    """End the strip in lane `lane` of block `b` after step `k`; its rows in `observed`
+    stay as they are at that step.
     """
     store_lane(batch.alive[b], 0, 0, lane, 0.0)
     i = batch.strips[b, lane]
@@ -122,7 +125,7 @@ def retire(batch: Any, b: int, lane: int, observed: Any, k: int) -> None:
 
 @kernel
 def _living_lanes(batch: Any, first: int, end: int) -> int:
-    """Number of lanes of the blocks from `first` to before `end` that are still
+    """Number of strips in the blocks from `first` to before `end` that are still
     simulated.
     """
     count = 0
@@ -144,8 +147,8 @@ def _store_poses(batch: Any, b: int, poses: Any) -> None:
 
 @kernel
 def _step_block(batch: Any, b: int, poses: Any, output: Any, pace: Any) -> None:
-    """Step the strips of block `b` along grip `poses` (k, n, 3), until none of them is
-    left.
+    """Step the strips of block `b` along gripper `poses` (steps, strips, 3) until none
+    of them is simulated any more.
     """
     nature = batch.nature[b]
     state = batch.state[b]
@@ -164,7 +167,8 @@ def _step_block(batch: Any, b: int, poses: Any, output: Any, pace: Any) -> None:
 
 @entry
 def step_along(batch: Any, poses: Any, output: Any, pace: Any) -> int:
-    """Step all strips along grip `poses` (k, n, 3) [m, m, rad], a step to each.
+    """Step all strips of `batch` along gripper `poses` (steps, strips, 3) [m, m, rad],
+    one step to each pose.
 
     Fills `output`; returns the number of strips that ended.
     """

@@ -41,8 +41,8 @@ class Trace(NamedTuple):
 
 
 class Rod:
-    """Strip engine of implicit planar elastic rods of `segments` segments, in one
-    batch.
+    """Strip engine that simulates each of n strips as an implicit planar elastic rod of
+    `segments` segments, all in one batch.
 
     Strips occupy the lanes of SIMD vectors, and each moves bit for bit as it would in a
     batch of one. A strip that touched, was retired or failed keeps its shape and soon
@@ -58,8 +58,8 @@ class Rod:
         self._strict = strict
 
     def reset(self, models: Sequence[StripModel], start: Array | None = None) -> None:
-        """Lay the strips flat and at rest, gripped at (stated length, 0) with pitch 0,
-        at time 0.
+        """Lay the strips flat and at rest at time 0, each gripped at x = its stated
+        length, z = 0, pitch 0.
 
         With `start` (n, 3) they hang at rest from grippers at these poses instead.
         Raises Unsupported for a part of a model that a rod cannot represent.
@@ -79,14 +79,14 @@ class Rod:
             self._begin()
 
     def step(self, poses: Array, dt: float) -> Observables:
-        """Advance by `dt` [s] to gripper `poses` (n, 3) [m, m, rad] at the step's
-        end.
+        """Advance the strips by `dt` [s] to gripper `poses` (n, 3) [m, m, rad] at the
+        step's end.
         """
         return self.advance(poses[None], dt)
 
     def advance(self, poses: Array, dt: float) -> Observables:
-        """Step to each of `poses` (k, n, 3) [m, m, rad], `dt` [s] apart; returns the
-        last state.
+        """Step the n strips to each of k gripper `poses` (k, n, 3) [m, m, rad], `dt`
+        [s] apart; returns the last observables.
         """
         self._step_all(poses, dt, np.empty((0, 0, 0, 2)), 1)
         last = self._observed
@@ -99,8 +99,8 @@ class Rod:
         )
 
     def trace(self, poses: Array, dt: float, every: int = 0) -> Trace:
-        """Step to each of `poses` (k, n, 3) [m, m, rad] in `dt` [s]; returns all
-        observables.
+        """Step the n strips to each of k gripper `poses` (k, n, 3) [m, m, rad], `dt`
+        [s] apart; returns the observables of all steps.
 
         Midlines are of every `every`th step, 0 for none.
         """
@@ -116,8 +116,8 @@ class Rod:
         )
 
     def retire(self, retired: NDArray[np.bool_]) -> None:
-        """End the strips of mask `retired` (n,): they keep their shapes and cost no
-        more time.
+        """End the strips in the mask `retired` (n,): they keep their shapes and take no
+        more computing time.
         """
         self._batch = compact(end_strips(self._batch, retired))
 
@@ -145,8 +145,8 @@ class Rod:
         return np.array(self._batch.arc)
 
     def _fit_length(self, models: Sequence[StripModel]) -> None:
-        """Move each gripped edge to the stated length; in smaller steps where the
-        solver fails.
+        """Move the gripped edge of each strip to its stated length, in smaller steps
+        where the solver fails.
         """
         try:
             fit_length(self._batch, models)
@@ -156,7 +156,9 @@ class Rod:
             fit_length(self._batch, models, FINE_STEPS)
 
     def _begin(self) -> None:
-        """Start a motion at time 0, without touch, observables or a step before it."""
+        """Start a new motion at time 0, and forget touches, observables and the length
+        of the last step.
+        """
         count = len(self._batch.arc)
         self._time = 0.0
         self._last = np.inf
@@ -164,9 +166,8 @@ class Rod:
         self._observed = np.zeros((count, at.OBSERVABLE_COUNT))
 
     def _step_all(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
-        """Move the strips along the gripper `poses` (k, n, 3) [m, m, rad], a step to
-        each; returns what is measured of each strip after each step (k, n,
-        OBSERVABLE_COUNT).
+        """Step n strips along k gripper `poses` (k, n, 3) [m, m, rad]; returns their
+        observables (k, n, OBSERVABLE_COUNT).
         """
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         if poses.shape[1:] != self._batch.grip.shape:
@@ -194,8 +195,8 @@ class Rod:
         return observed
 
     def _record_touches(self) -> None:
-        """Read the touches of layers; raises for a strip that failed where the engine
-        is strict.
+        """Read the layer touches of all strips; a strict engine raises an error for a
+        strip that failed.
         """
         batch = self._batch
         strips = zip(batch.monitor, batch.arc, midlines(batch), strict=True)
@@ -209,16 +210,16 @@ class Rod:
 
 
 def _touch(monitor: Array, arc: Array, midline: Array) -> Touch | None:
-    """Layer touch from a strip's `monitor` (MONITOR_SIZE,), if any, in its shape
-    `midline`.
+    """Layer touch in a strip's `monitor` (MONITOR_SIZE,), placed on its `midline`
+    (nodes, 2) [m]; None without one.
     """
     time, x, s = monitor[[at.TOUCH_TIME, at.TOUCH_X, at.TOUCH_S]].tolist()
     return None if np.isnan(time) else Touch.in_shape(time, x, s, arc, midline)
 
 
 class GripperPath(NamedTuple):
-    """Reported gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging` if it starts
-    lifted.
+    """Gripper path as an arm reports it: times `t` (m,) [s] and `poses` (m, 3) [m, m,
+    rad]; `hanging` if the strip is lifted at its start.
     """
 
     t: Array
@@ -281,8 +282,8 @@ def simulate_all(
 
 
 def _end(touch: Touch | None, count: int, dt: float) -> tuple[int, Touch | None]:
-    """Number of steps of `dt` [s] up to the layers' `touch`, and the touch; all `count`
-    steps and None where it comes later.
+    """Number of steps of `dt` [s] up to the layers' `touch`, and the touch; `count` and
+    None where it comes later.
     """
     if touch is None or touch.time > count * dt:
         return count, None
@@ -290,8 +291,8 @@ def _end(touch: Touch | None, count: int, dt: float) -> tuple[int, Touch | None]
 
 
 def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array | None:
-    """Gripper poses (n, 3) [m, m, rad] from which strips start: where a path hangs its
-    first one, else at the lying strip's end; None where no path hangs.
+    """Gripper poses (n, 3) [m, m, rad] at which the n strips begin their motion; None
+    where all strips begin flat on the desk.
     """
     if not any(path.hanging for path in paths):
         return None
@@ -303,8 +304,8 @@ def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array
 def _trace_in_pieces(
     rod: Rod, poses: Array, counts: NDArray[np.int_], dt: float, every: int
 ) -> Iterator[Trace]:
-    """Yield traces of strips along `poses` (k, n, 3) [m, m, rad], PIECE_TIME each,
-    until all end.
+    """Yield the strips' traces along gripper `poses` (k, n, 3) [m, m, rad], in pieces
+    of PIECE_TIME seconds, until all strips have ended.
 
     Strip i ends after `counts[i]` steps at the latest; `dt`, `every` are as in
     `Rod.trace`.
@@ -324,8 +325,8 @@ def _true_path(model: StripModel, path: GripperPath) -> GripperPath:
 
 
 def _sample(path: GripperPath, dt: float, count: int) -> Array:
-    """Poses (count, 3) [m, m, rad] of `path` at each `dt` [s]; its last pose repeats at
-    the end.
+    """Poses (count, 3) [m, m, rad] of the gripper `path` every `dt` [s]; after its end
+    the last pose repeats.
     """
     times = path.t[0] + dt * np.arange(1, count + 1)
     return interpolate_columns(times, path.t, path.poses)

@@ -53,12 +53,14 @@ def _number(array: Any) -> Any:
 
 
 def _widest(*numbers: Any) -> Any:
-    """Numba type of a result of `numbers`: Lanes if any of them is, else float."""
+    """Numba type of arithmetic between `numbers`: Lanes if any of them is,
+    else float.
+    """
     return Lanes if Lanes in numbers else types.float64
 
 
 def _spread(builder: Any, value: Any) -> Any:
-    """LLVM vector of the LLVM `value`, which if it is a scalar fills all lanes."""
+    """LLVM vector of the LLVM `value`: a scalar is copied to all lanes."""
     if value.type == VECTOR:
         return value
     blank = ir.Constant(VECTOR, ir.Undefined)
@@ -73,8 +75,8 @@ def _operands(builder: Any, number: Any, args: Any) -> list[Any]:
 
 
 def _arithmetic(op: Any, instruction: str) -> None:
-    """Let `op` of lanes, or of lanes and a scalar, be compiled to LLVM's
-    `instruction`.
+    """Compile the Python operator `op` between lanes, or lanes and a scalar, to the
+    LLVM `instruction`.
     """
 
     @infer_global(op)
@@ -166,7 +168,7 @@ def below(typing: Any, a: Any, b: Any) -> Any:
 
 @_inline
 def select(typing: Any, gate: Any, a: Any, b: Any) -> Any:
-    """`a` where `gate` is above zero, else `b`, lane by lane."""
+    """`a` where `gate` is above zero, else `b`, lane by lane of a SIMD vector."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         test, yes, no = _operands(builder, sig.return_type, args)
@@ -194,7 +196,9 @@ def any_lane(typing: Any, gate: Any) -> Any:
 
 
 def _address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    """LLVM pointer to the element at an array, row and column, which begin `args`."""
+    """LLVM pointer to the element of an array that the first of `args` (array, row,
+    column) name.
+    """
     kind, (array, row, column, *_) = sig.args[0], args
     view = context.make_array(kind)(context, builder, array)
     shape = cgutils.unpack_tuple(builder, view.shape, kind.ndim)
@@ -206,8 +210,8 @@ def _address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 
 def _lane_address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    """LLVM pointer to the double at an array, row, column and lane, which are
-    `args`.
+    """LLVM pointer to the double in one lane of an array's element; `args` are array,
+    row, column and lane.
     """
     pointer = _address(context, builder, sig, args)
     if sig.args[0].ndim == 2:
@@ -272,7 +276,9 @@ def store_lane(
 
 @_inline
 def splat(typing: Any, array: Any, value: Any) -> Any:
-    """The float `value` in every lane of a number of the element type of `array`."""
+    """Number of the element type of `array` (a float or a SIMD vector) with the float
+    `value` in every lane.
+    """
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _operands(builder, sig.return_type, args[1:])[0]
@@ -292,18 +298,24 @@ def lane_of(typing: Any, number: Any, lane: Any) -> Any:
 
 @kernel
 def pair(array: Any, row: int, first: int) -> Any:
-    """Columns `first` and `first` + 1 of a row, such as the x and z of a vector."""
+    """Columns `first` and `first` + 1 of an array's row, such as the x and z of a
+    vector.
+    """
     return load(array, row, first), load(array, row, first + 1)
 
 
 @kernel
 def store_pair(array: Any, row: int, first: int, vector: Any) -> None:
-    """Store the two numbers of a `vector` in columns `first` and `first` + 1."""
+    """Store the two numbers of `vector` in columns `first` and `first` + 1 of an
+    array's row.
+    """
     store(array, row, first, vector[0])
     store(array, row, first + 1, vector[1])
 
 
 @kernel
 def update(array: Any, row: int, column: int, gate: Any, value: Any) -> None:
-    """Store `value` in the lanes in which `gate` is above zero."""
+    """Store `value` in those lanes of an array's element in which `gate` is
+    above zero.
+    """
     store(array, row, column, select(gate, value, load(array, row, column)))

@@ -103,8 +103,8 @@ class Block(NamedTuple):
 
 
 def pack(values: Array, lanes: int) -> Array:
-    """Pack strips' `values` (n, rows, fields) into blocks (n / lanes, rows, fields[,
-    lanes]).
+    """Pack the `values` (n, rows, fields) of n strips into blocks of lanes (n / lanes,
+    rows, fields[, lanes]).
     """
     if lanes == 1:
         return _aligned_copy(values)
@@ -113,8 +113,8 @@ def pack(values: Array, lanes: int) -> Array:
 
 
 def unpack(blocks: Array, lanes: int) -> Array:
-    """Unpack `blocks` (n / lanes, rows, fields[, lanes]) to strips' values (n, rows,
-    fields).
+    """Unpack blocks of lanes (n / lanes, rows, fields[, lanes]) to the values (n, rows,
+    fields) of n strips.
     """
     if lanes == 1:
         return blocks

@@ -23,7 +23,9 @@ def lattice(length: float, segments: int) -> Array:
 
 
 def needs_terms(model: StripModel) -> bool:
-    """Whether a strip model has effects that only the kernels of `terms` simulate."""
+    """Whether a strip model has effects that only the optional force terms (module
+    `terms`) simulate.
+    """
     law = model.mechanics.law
     has_history = law.quadratic_damping != 0 or law.relaxing != 0 or law.gradual != 0
     can_slide = min(model.boundary.edge_friction, model.boundary.grip_force) < np.inf
@@ -31,8 +33,8 @@ def needs_terms(model: StripModel) -> bool:
 
 
 def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
-    """Coefficients (segments + 3, NATURE) of the nodes and segments of a rod for strip
-    `model`.
+    """Coefficients (segments + 3, NATURE) of the nodes and segments of a rod that
+    simulates the strip `model`.
 
     If `rich`, RICH_NATURE of each: also of drag, sliding, relaxation and gradual
     friction.
@@ -66,7 +68,8 @@ def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
 
 
 def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
-    """Write the bending coefficients of each node, between the middles of its segments.
+    """Write the bending coefficients of each rod node into its row of `inner`, from the
+    strip between the middles of its segments.
 
     Compliances in series add up. The first and the last node stand for half a segment,
     so that clamps are second-order accurate. Damping of unlike pieces under one moment:
@@ -89,8 +92,8 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
 
 
 def _combine_compliances(grip: Array, compliance: float) -> None:
-    """Put the grip's `compliance` [rad/(N m)] in series with the strip's bending at the
-    grip.
+    """Put the gripper's `compliance` [rad/(N m)] in series with the strip's bending, in
+    the coefficients `grip` of the gripped node.
 
     Angles add under one moment: K' = K / (1 + C K); with s = K' / K the strip's share
     of the angle, damping is s^2 D, the cubic term s^3 of itself, friction s F; while it
@@ -107,8 +110,8 @@ def _combine_compliances(grip: Array, compliance: float) -> None:
 
 
 def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
-    """Write drag, sliding, relaxation and gradual friction of nodes `reach` (n,) [m]
-    long.
+    """Write the coefficients of drag, sliding, relaxation and gradual friction of nodes
+    that are `reach` (nodes,) [m] long into `rows`.
     """
     mechanics = model.mechanics
     law = mechanics.law

@@ -50,8 +50,8 @@ def desk_reaction(block: Any, r: int) -> Any:
 
 @kernel
 def residual(block: Any, r: int, inertia: Any, reaction: Any) -> Any:
-    """Residual force x, z [N] on node row `r`: inertia + internal forces - weight -
-    desk.
+    """Residual force x, z [N] on the node at row `r`: inertia and internal forces less
+    weight and desk reaction.
     """
     work = block.work
     x, z = pair(block.state, r, at.X)
@@ -66,8 +66,8 @@ def residual(block: Any, r: int, inertia: Any, reaction: Any) -> Any:
 
 @kernel
 def _add_outer(a: Any, b: Any, matrix: Any) -> Any:
-    """Sum of `matrix`, as xx, xz, zx, zz, and the outer product a b' of two vectors x,
-    z.
+    """Sum of a 2 x 2 `matrix`, given as xx, xz, zx, zz, and the outer product a b' of
+    two vectors x, z.
     """
     xx, xz, zx, zz = matrix
     return (
@@ -80,14 +80,14 @@ def _add_outer(a: Any, b: Any, matrix: Any) -> Any:
 
 @kernel
 def _scaled(factor: Any, vector: Any) -> Any:
-    """Product of a `factor` and a `vector` x, z."""
+    """Product of a scalar `factor` and a `vector` x, z."""
     return factor * vector[0], factor * vector[1]
 
 
 @kernel
 def _tangent_blocks(work: Any, r: int, inertia: Any) -> Any:
-    """Three 2 x 2 blocks (xx, xz, zx, zz) of the tangent matrix A: of the node at row
-    `r` with itself, with node r - 1 and with node r - 2.
+    """Three 2 x 2 blocks xx, xz, zx, zz of the tangent matrix: node row `r` with
+    itself, with r - 1 and with r - 2.
 
     A = sum_j k_j t_j t_j' + S + inertia over the angles j = r - 1, r, r + 1, with k_j =
     d(moment)/d(angle), t_j the angle's turn per motion of the nodes, S the stiffness of
@@ -123,7 +123,7 @@ def _tangent_blocks(work: Any, r: int, inertia: Any) -> Any:
 
 @kernel
 def assemble(block: Any, r: int, rate: Any) -> None:
-    """Add the equations of the node at row `r` to Newton's system, in x and z, and
+    """Assemble the x and z equations of the node at row `r` in the tangent matrix, and
     eliminate them.
     """
     inertia = load(block.nature, r, at.MASS) * rate * rate
@@ -147,7 +147,8 @@ def assemble(block: Any, r: int, rate: Any) -> None:
 
 @kernel
 def _eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
-    """Factorise row `r` of the tangent matrix, and carry its right-hand `side` along.
+    """Factorise row `r` of the banded tangent matrix, and substitute its right-hand
+    `side` forward.
 
     The entries `row` are A(r, r - j), j = 4..1.
 
@@ -181,8 +182,8 @@ def _eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
 
 @kernel
 def _eliminate_fifth(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
-    """Factorise row `r` as `_eliminate` does, with five entries A(r, r - j), j =
-    5..1.
+    """Factorise row `r` of the tangent matrix as `_eliminate` does, with five entries
+    A(r, r - j), j = 5..1.
     """
     a5, a4, a3, a2, a1 = row
     l5 = a5 * load(band, r - 5, PIVOT_COLUMN)
@@ -199,7 +200,8 @@ def _eliminate_fifth(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> N
 
 @kernel
 def _substitute(band: Any, first: int, last: int) -> None:
-    """Solve the factorised rows `first` to `last` backwards, into column SIDE_COLUMN.
+    """Solve rows `first` to `last` of the factorised `band` backwards; the solution is
+    in its column SIDE_COLUMN.
 
     x_r = y_r / D(r) - sum_j L(r+j, r) x_{r+j}. Rows last + 1 .. last + 5 must exist;
     their columns 1..5 and SIDE_COLUMN are overwritten by zeros.
@@ -217,8 +219,8 @@ def _substitute(band: Any, first: int, last: int) -> None:
 
 @kernel
 def _apply_correction(block: Any, gate: Any) -> Any:
-    """Apply the solved Newton step to nodes and tensions in the lanes where `gate` is
-    above 0.
+    """Apply the solved Newton step to the rods' nodes and tensions, in the lanes where
+    `gate` is above 0.
 
     Returns the mean and the largest squared turn [rad^2] of each lane's segments. T =
     EA (l / l0 - 1 + t de / l0) is the tension of the linearised segment, free of the
@@ -258,8 +260,8 @@ def _apply_correction(block: Any, gate: Any) -> Any:
 
 @kernel
 def solve(block: Any, rate: Any, alive: Any) -> Any:
-    """Iterate Newton's method on the active lanes; returns the lanes that failed to
-    converge.
+    """Iterate Newton's method for one time step of the rods in the lanes `alive`;
+    returns the lanes that failed to converge.
 
     It ends when segments turn by less than TURN_TOLERANCE, root mean square: by ten
     times that, a motion jumps as its model varies, and no finite difference of it is a

@@ -25,8 +25,8 @@ STILLING = tuple(PERIOD * 2**i for i in range(10))
 
 
 def lift_path(batch: Batch, start: Array) -> Array:
-    """Gripper poses (k, n, 3) [m, m, rad] from flat strips to `start` (n, 3): up, then
-    inwards.
+    """Gripper path (k, n, 3) [m, m, rad] that lifts n flat strips to the gripper poses
+    `start` (n, 3): up, then inwards.
 
     The height grows with the root of the inward distance, so that the edge stays within
     the strip's reach.
@@ -63,8 +63,8 @@ def fit_length(
 
 
 def _wave_path(batch: Batch, goal: Array, slack: Array, steps: int) -> Array:
-    """Grip poses (steps, n, 3) [m, m, rad] in an arc to `goal` (n, 3), below what slack
-    allows.
+    """Gripper path (steps, n, 3) [m, m, rad] in an arc to `goal` (n, 3), low enough
+    that the slack strips stay slack.
 
     A strip of length L with `slack` (n,) [m] s can be lifted to sqrt(L s / 2) in its
     middle.
@@ -77,8 +77,8 @@ def _wave_path(batch: Batch, goal: Array, slack: Array, steps: int) -> Array:
 
 
 def _rigid_nature(batch: Batch, models: Sequence[StripModel]) -> Array:
-    """Coefficients, as `batch.nature`, of the same strips without stretch and
-    sliding.
+    """Coefficients, in the layout of `batch.nature`, of the same strips made
+    inextensible and unable to slide.
     """
     stiff = [
         with_field(model, "mechanics.stretch_stiffness", np.inf) for model in models
@@ -90,7 +90,9 @@ def _rigid_nature(batch: Batch, models: Sequence[StripModel]) -> Array:
 
 
 def _stretch(batch: Batch, ratio: Array, stretched: NDArray[np.bool_]) -> None:
-    """Scale x of all nodes by `ratio` (n,) in the strips of mask `stretched` (n,)."""
+    """Scale x of all nodes by `ratio` (n,) in those of the n strips that the mask
+    `stretched` (n,) selects.
+    """
     states = batch.state
     ghost = states.shape[1] - 1  # beyond the grip: it keeps its distance
     for b, lane in np.ndindex(batch.strips.shape):
@@ -103,8 +105,8 @@ def _stretch(batch: Batch, ratio: Array, stretched: NDArray[np.bool_]) -> None:
 
 
 def settle(batch: Batch, path: Array) -> None:
-    """Move the grips along `path` (k, n, 3) [m, m, rad] by damped steps; let the strips
-    rest.
+    """Move the grippers along `path` (k, n, 3) [m, m, rad] with damped steps, then let
+    the n strips come to rest.
     """
     _follow_damped(batch, path, PERIOD)
     for longer in STILLING:
@@ -112,8 +114,8 @@ def settle(batch: Batch, path: Array) -> None:
 
 
 def _follow_damped(batch: Batch, poses: Array, dt: float) -> None:
-    """Step along `poses` (k, n, 3) [m, m, rad] by backward Euler; raises on failure or
-    touch.
+    """Step the strips along gripper `poses` (k, n, 3) [m, m, rad] by backward Euler;
+    raises an error if one fails or its layers touch.
     """
     observed = np.zeros((len(poses), len(batch.grip), at.OBSERVABLE_COUNT))
     output = Output(observed, np.empty((0, 0, 0, 2)), 1)

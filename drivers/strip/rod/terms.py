@@ -33,8 +33,8 @@ def _magnitude(a: Any) -> Any:
 
 @kernel
 def _maxwell_strain(block: Any, r: int, change: Any, rate: Any) -> Any:
-    """Strain q of the Maxwell element at row `r`, by dq/dt = deps/dt - q / time, and
-    dq/deps.
+    """Strain q of the Maxwell element at node row `r`, which obeys dq/dt = deps/dt - q
+    / time, and its derivative dq/deps.
 
     `change` is eps - base, so deps/dt = rate change and dq/dt = rate (q - base of q).
     """
@@ -44,7 +44,8 @@ def _maxwell_strain(block: Any, r: int, change: Any, rate: Any) -> Any:
 
 @kernel
 def lagging_moment(block: Any, r: int, change: Any, rate: Any) -> Any:
-    """Rate- and history-dependent moment [N m] at row `r`, and its tangent.
+    """Rate- and history-dependent bending moment [N m] at node row `r`, and its
+    derivative by the strain.
 
     Q |deps/dt| deps/dt of quadratic damping, and K q of the rigidity that relaxes.
     """
@@ -60,7 +61,7 @@ def lagging_moment(block: Any, r: int, change: Any, rate: Any) -> Any:
 @kernel
 def _gradual_element(slip: Any, pace: Any, change: Any, before: Any) -> Any:
     """Moment [N m] of a friction element without yield point after a `change` of
-    strain; tangent.
+    strain, and its derivative by the strain.
 
     dM/deps = pace (slip - s M) with s the sign of the change: Dahl's law of exponent 1.
     Of x = pace |change|, exp(-x) is taken as 1 / (1 + x + x^2 / 2 + x^3 / 6), which
@@ -77,8 +78,8 @@ def _gradual_element(slip: Any, pace: Any, change: Any, before: Any) -> Any:
 
 @kernel
 def gradual_friction(block: Any, r: int, eps: Any) -> Any:
-    """Moment [N m] of the friction element without a yield point at row `r`, and its
-    tangent.
+    """Moment [N m] at node row `r` of the friction element without a yield point at
+    bending strain `eps`, and its derivative by the strain.
     """
     slip, pace = pair(block.nature, r, at.GRADUAL_SLIP)
     change = eps - load(block.state, r, at.EPS)
@@ -87,7 +88,9 @@ def gradual_friction(block: Any, r: int, eps: Any) -> Any:
 
 @kernel
 def slip_limit(block: Any, r: int) -> Any:
-    """Tension [N] at which the strip begins to slide at segment `r`, next to an end."""
+    """Tension [N] at which the strip begins to slide at segment `r`, next to the desk's
+    fixed edge or the grip.
+    """
     held = load(block.state, r, at.HELD)
     gripped = load(block.nature, r, at.GRIPPED)
     return select(held - gripped, gripped, held)
@@ -95,8 +98,8 @@ def slip_limit(block: Any, r: int) -> Any:
 
 @kernel
 def slip_direction(block: Any, r: int, taut: Any) -> Any:
-    """Direction in which an end slides whose segment `r` would bear tension `taut` [N]
-    if it stuck.
+    """Direction in which the strip's end at segment `r` slides if, stuck, the segment
+    would bear the tension `taut` [N].
 
     1 where it is pulled, -1 where pushed, 0 where it sticks. In the grip a pushed strip
     buckles before it slides; a loose edge slides both ways.
@@ -133,8 +136,8 @@ def stick_slip(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
 
 @kernel
 def update_stuck(block: Any, r: int, along: Any) -> None:
-    """Update the tension of segment `r` if it stuck, after a correction `along` of its
-    strain.
+    """Update the tension that segment `r` would bear if its end stuck, after a Newton
+    correction `along` of its strain.
     """
     taut, growth = pair(block.work, r, at.STUCK)
     store(block.work, r, at.STUCK, fma(-growth, along, taut))
@@ -142,8 +145,8 @@ def update_stuck(block: Any, r: int, along: Any) -> None:
 
 @kernel
 def settling_turn(block: Any, r: int, along: Any) -> Any:
-    """Squared turn [rad^2] that stands for a strain correction `along` in Newton's
-    criterion.
+    """Squared turn [rad^2] that a strain correction `along` of segment `r` counts as in
+    Newton's convergence test.
 
     A sliding strip moves without turning, so that turns alone would end Newton's method
     early.
@@ -156,7 +159,9 @@ def settling_turn(block: Any, r: int, along: Any) -> Any:
 
 @kernel
 def velocity(block: Any, r: int, rate: Any) -> Any:
-    """Velocity x, z [m/s] of node row `r`: `rate` [1/s] times its way from the base."""
+    """Velocity x, z [m/s] of the node at row `r`: `rate` [1/s] times its distance from
+    the step's BDF2 base.
+    """
     x, z = pair(block.state, r, at.X)
     base_x, base_z = pair(block.work, r, at.BASE_X)
     return rate * (x - base_x), rate * (z - base_z)
@@ -164,7 +169,8 @@ def velocity(block: Any, r: int, rate: Any) -> Any:
 
 @kernel
 def air_drag(block: Any, r: int, rate: Any) -> Any:
-    """Air drag x, z [N] against the motion of node row `r`, and its tangent xx, xz, zz.
+    """Air drag x, z [N] against the motion of the node at row `r`, and its derivative
+    xx, xz, zz by the node's position.
 
     F = D v with D = 1/2 rho C_d width length (u + slow) (n n' + along t t') of the
     predicted motion: of second order in the step, and symmetric.
@@ -179,7 +185,9 @@ def air_drag(block: Any, r: int, rate: Any) -> Any:
 
 @kernel
 def _store_drag(block: Any, r: int, rate: Any) -> None:
-    """Write the drag matrix of node row `r`, from its predicted motion, into `work`."""
+    """Write the drag matrix of the node at row `r`, from its predicted motion, into the
+    block's `work`.
+    """
     nature = block.nature
     state = block.state
     work = block.work
@@ -207,8 +215,8 @@ def _store_drag(block: Any, r: int, rate: Any) -> None:
 
 @kernel
 def store_history(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
-    """Store Maxwell strain and gradual friction at row `r` after a step to bending
-    strain `eps`.
+    """Store the Maxwell strain and the gradual friction at node row `r` after a step to
+    bending strain `eps`.
     """
     q, _ = _maxwell_strain(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
     state = block.state
@@ -220,8 +228,8 @@ def store_history(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
 
 @kernel
 def predict_terms(block: Any, rate: Any, weights: Any) -> None:
-    """Prepare the coming step: the drag of each node, and the base from which the rate
-    of each Maxwell strain is taken.
+    """Write into the block's `work` the drag matrices, and the BDF2 combinations of
+    past Maxwell strains, for the coming step.
     """
     state = block.state
     newest, older = weights

@@ -45,8 +45,8 @@ SUBSTEPS = (16, 256)  # of a failed step, in the first and in the second attempt
 
 
 class Grips(NamedTuple):
-    """Grip poses of all strips before and after a step, and the strips in one block's
-    lanes.
+    """Gripper poses of all n strips before and after a step, and which strips the lanes
+    of one block hold.
 
     `strips` (LANE_COUNT,) are the strips that the lanes hold, `alive` whether each is
     still simulated; `before` (n, 3) are the poses before the step, `poses` (n, 3) those
@@ -60,8 +60,8 @@ class Grips(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Time `start` [s] before the first step, size `h` [s] of steps, and their BDF2
-    step ratios.
+    """Timing of a series of steps: `start` [s] before the first step, step size `h`
+    [s], and BDF2 step ratios.
 
     `omega` is the ratio of the step to the last one, `next_omega` that of equal steps
     after it: 1, or 0 for backward Euler.
@@ -75,16 +75,16 @@ class Pace(NamedTuple):
 
 @kernel
 def weights(omega: float) -> Any:
-    """Weights of the last and the second last value in the base of a rate, for a ratio
-    `omega` of the step to the last one (BDF2).
+    """BDF2 weights of the last and the second last value, where `omega` is the step
+    size over that of the last step.
     """
     return (1.0 + omega) ** 2 / (1.0 + 2.0 * omega), -(omega**2) / (1.0 + 2.0 * omega)
 
 
 @kernel
 def _predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
-    """Start a step of `h` [s]: store the history of the free nodes and extrapolate
-    them, for the step to begin at.
+    """Extrapolate the free nodes over a step of `h` [s], and store the values that BDF2
+    combines: history and bases.
 
     The base of a node and of its velocity (see the module) go into the work array.
     """
@@ -114,8 +114,8 @@ def _predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
 
 @kernel
 def _predict_strain(block: Any, omega: float) -> None:
-    """Store the base of each bending strain (see the module), from which the step takes
-    its rate.
+    """Write each node's BDF2 base, the weighted sum of its last two bending strains,
+    into the block's `work`.
     """
     state = block.state
     newest, older = weights(omega)
@@ -127,8 +127,8 @@ def _predict_strain(block: Any, omega: float) -> None:
 
 @kernel
 def _store_velocity(block: Any, rate: float, alive: Any) -> None:
-    """Store v = rate (x - base) of the free nodes by `rate` [1/s], in the lanes `alive`
-    > 0.
+    """Store the free nodes' velocities, `rate` [1/s] times the distance from their BDF2
+    base, in the lanes where `alive` > 0.
     """
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         vx, vz = velocity(block, r, rate)
@@ -138,8 +138,8 @@ def _store_velocity(block: Any, rate: float, alive: Any) -> None:
 
 @kernel
 def _store_strain(block: Any, rate: float, alive: Any) -> None:
-    """Store bending strains, friction and history by `rate` [1/s], in the lanes `alive`
-    > 0.
+    """Store the nodes' bending strains, friction and history after a step of BDF2
+    `rate` [1/s], in the lanes where `alive` > 0.
     """
     state = block.state
     last_tangent = direction(state, 0)
@@ -159,7 +159,7 @@ def _store_strain(block: Any, rate: float, alive: Any) -> None:
 
 @kernel
 def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
-    """Store the strip's force [N] on its grip, from the balance of momentum of the free
+    """Store the strip's force [N] on its gripper, from the momentum balance of the free
     nodes.
 
     The shear of the last, short segments would contain what error Newton's method
@@ -203,7 +203,9 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
 
 @kernel
 def _slip_length(block: Any, r: int) -> Any:
-    """Distance [m] by which the strip slid at segment `r` in the step just solved."""
+    """Distance [m] by which the strip's end at segment `r` slid in the step just
+    solved.
+    """
     state = block.state
     stretch = load(block.nature, r, at.STRETCH)
     span = load(block.nature, r, at.SPAN)
@@ -216,8 +218,7 @@ def _slip_length(block: Any, r: int) -> Any:
 
 @kernel
 def _slide_in_grip(block: Any, alive: Any) -> None:
-    """Lengthen the segment at the grip by the length that slid out of the grip in this
-    step.
+    """Lengthen the segment at the gripper by what slid out of it in this step.
 
     That piece is straight and massless, valid for a few per cent of the strip. Arc
     lengths end at the edge that was grasped, so l1 does not grow by it.
@@ -254,8 +255,8 @@ def _slide_edge(block: Any, alive: Any) -> None:
 
 @kernel
 def _implicit_step(block: Any, h: float, omega: float, alive: Any) -> Any:
-    """Advance the active lanes by one implicit step; returns the lanes that failed to
-    converge.
+    """Advance the lanes where `alive` > 0 by one implicit step of `h` [s]; returns the
+    lanes that failed to converge.
     """
     rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
     _predict_motion(block, h, omega, alive)
@@ -278,8 +279,8 @@ def _implicit_step(block: Any, h: float, omega: float, alive: Any) -> Any:
 
 @kernel
 def _place_grip(block: Any, lane: int, pose: Any) -> None:
-    """Move the grasped edge in lane `lane` to `pose` (3,) [m, m, rad], with its ghost
-    node.
+    """Move the grasped edge of the strip in lane `lane`, with its ghost node, to the
+    gripper `pose` (3,) [m, m, rad].
     """
     state = block.state
     row = state.shape[0] - 2
@@ -292,7 +293,9 @@ def _place_grip(block: Any, lane: int, pose: Any) -> None:
 
 @kernel
 def _place_grips(block: Any, grips: Any, fraction: float) -> None:
-    """Move the grips of the active lanes to their poses at `fraction` of the step."""
+    """Move the grasped edges of the active lanes to the gripper poses at `fraction` of
+    the step.
+    """
     if block.last == block.state.shape[0] - 2:
         return
     pose = np.empty(3)
@@ -307,8 +310,8 @@ def _place_grips(block: Any, grips: Any, fraction: float) -> None:
 
 @kernel
 def _rewind(block: Any, gate: Any) -> None:
-    """Restore positions and velocities before a failed step, without tension, where
-    `gate` > 0.
+    """Undo a failed step: restore the nodes' positions and velocities and clear
+    tensions, in the lanes where `gate` > 0.
     """
     state = block.state
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
@@ -320,8 +323,8 @@ def _rewind(block: Any, gate: Any) -> None:
 
 @kernel
 def _copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
-    """Copy the columns `fields` (first, end) of `source` to `target` from column `to`
-    on, in the lanes where `gate` is above 0.
+    """Copy fields first to end of `source` to those of `target` from field `to` on, in
+    the lanes where `gate` > 0.
     """
     first, end = fields
     for r in range(target.shape[0]):
@@ -331,8 +334,8 @@ def _copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> N
 
 @kernel
 def _step_in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
-    """Make a step in `parts` equal substeps, the first by backward Euler, in the lanes
-    where `gate` is above 0; returns the lanes that failed.
+    """Step the lanes where `gate` > 0 in `parts` equal substeps, the first by backward
+    Euler; returns the lanes that failed.
     """
     stepping = gate
     for part in range(parts):
@@ -346,8 +349,8 @@ def _step_in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> 
 
 @kernel
 def step(block: Any, grips: Any, pace: Any) -> Any:
-    """Step a block to the next poses of its grips; returns the lanes that failed to
-    converge.
+    """Step a block of strips to the next poses of their grippers; returns the lanes
+    that failed to converge.
 
     A lane that moved in substeps continues with the history of one full step; one that
     failed is left unchanged.
