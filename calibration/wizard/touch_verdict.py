@@ -300,7 +300,9 @@ def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
 
 
 def _found(verdict: TouchVerdict) -> tuple[Line, ...]:
-    """Lines on the map of a `verdict`, and on its points that are wild or left out."""
+    """Graded text lines of a touch `verdict`: how well the fitted map meets the points,
+    and which points are wild or left out.
+    """
     return (
         grade_line(
             verdict.worst_mm,

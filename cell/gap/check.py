@@ -149,8 +149,8 @@ def check(
 
 
 def unidentifiable(subject: Subject) -> Iterator[Finding]:
-    """Findings on values and effects that the runs do not identify, by responses at the
-    base.
+    """Findings on base values and effects that the runs cannot identify, from the
+    responses of the runs to each of them.
     """
     stated = stated_estimate(subject, subject.simulate)
     for p, s in undetermined_values(stated):
@@ -188,8 +188,8 @@ def unidentifiable(subject: Subject) -> Iterator[Finding]:
 
 
 def _largest_probe(candidate: Candidate) -> Array:
-    """Largest probe (k,) of a candidate, in all its parameters; of places the one in
-    the middle.
+    """Values (k,) of a candidate effect at its largest probe in all k parameters; of
+    several places the middle one.
     """
     null = candidate.null
     probes = candidate.probes
@@ -202,8 +202,8 @@ def _largest_probe(candidate: Candidate) -> Array:
 def check_page(
     check: CheckReport, subject: str, drawn: Sequence[tuple[str, str, str]] = ()
 ) -> str:
-    """HTML text of the self-contained page on a `check` of a subject's recordings, with
-    those `drawn` (names, figures, what is missing).
+    """HTML text of the self-contained page on a `check` of a subject's recordings;
+    `drawn` are its names, figures and what is missing.
     """
     findings = check.findings
     level = check.level

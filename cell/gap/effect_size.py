@@ -36,8 +36,8 @@ RATIOS = (5.0, 12.0)  # of pre-sliding over bending stiffness
 
 
 class Strengths(NamedTuple):
-    """Range of sizes of an effect: its first parameter from null to `largest`, `others`
-    fixed.
+    """Range of strengths of an effect: its first parameter runs from null to `largest`,
+    its `others` are fixed.
     """
 
     effect: Effect
@@ -116,7 +116,7 @@ def indistinguishable_from(name: str) -> frozenset[str]:
 
 class GapModel:
     """Predicts the excess residual that hidden effects leave on simulated runs of a
-    strip.
+    strip after the base is refitted.
 
     The runs `made` are of the strip `plant`; the residual is in units of noise, after a
     refit.
@@ -174,8 +174,8 @@ class GapModel:
         ]
 
     def _left_by_base(self, results: Sequence[Residuals]) -> Array:
-        """Change (N,) [noise] of residuals, stated to `results`, that a base refit
-        leaves.
+        """Change (samples,) of whitened residuals between the fit and simulated
+        `results` that refitting the base cannot absorb.
         """
         estimate = self._estimate
         rows = zip(results, estimate.raw, estimate.runs, strict=True)
@@ -196,8 +196,8 @@ class GapModel:
     def fraction(
         self, strengths: Strengths, target: float, most: float = np.inf
     ) -> float | None:
-        """Smallest share of `strengths` on a grid that leaves `target` [noise] of
-        excess residual.
+        """Smallest fraction of the `strengths` of an effect that leaves an excess
+        residual of `target` [noise], found on a grid.
 
         None where no share does, or where the gap jumps past `most`, as that of a slip
         may.

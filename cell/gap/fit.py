@@ -108,8 +108,8 @@ def fit(
 
 
 def _suspicions(findings: Findings, simulate: Simulate) -> Iterator[str]:
-    """Remarks on runs that contradict the others, and on values that follow their
-    order.
+    """Remarks on runs that contradict the others, and on values that change with the
+    order of the runs.
     """
     every = in_all_runs(findings, simulate)
     yield from odd_runs(every, findings.quantities)

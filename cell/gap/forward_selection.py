@@ -43,12 +43,12 @@ Progress = Callable[[str, float], None]
 
 
 def quiet(stage: str, fraction: float) -> None:
-    """Progress callback that prints nothing."""
+    """Progress callback that shows nothing."""
 
 
 class Models(NamedTuple):
-    """Fitted models: the base, the screen of effects near it, and `fits` of all models
-    so far.
+    """Fitted models: that of the base, the scores of effects near it, and `fits` of all
+    models so far.
     """
 
     base_fit: BaseFit
@@ -57,8 +57,8 @@ class Models(NamedTuple):
 
 
 class BaseStart(NamedTuple):
-    """Runs to fit the base to, values to start from, and run-to-run spreads of the
-    runs.
+    """Where a fit of the base starts: its runs, the values of all unknowns, and the
+    runs' run-to-run spreads.
     """
 
     runs: Sequence[FitRun]
@@ -72,8 +72,8 @@ def revised_base(
     scatter: Sequence[Spread],
     complete: Sequence[FitRun],
 ) -> BaseStart | None:
-    """Runs, start and spreads for a new base fit, from models that beat the base; else
-    None.
+    """Where to fit the base again after models have beaten it: runs, start values and
+    spreads; None where none has.
 
     `complete` are the runs with all unknowns. A base that lacks an effect takes a part
     of it for scatter, or does not see the scatter for it, and may have stopped in a
@@ -104,8 +104,8 @@ def _leading_models(fits: Fits) -> list[CrossValidatedFit]:
 def _better_base(
     simulate: Simulate, fits: Fits, leading: Sequence[CrossValidatedFit]
 ) -> FitEstimate | None:
-    """Base refitted from its values in the `leading` models; None unless clearly
-    better.
+    """Base fitted again from its values in the `leading` models; None unless it is
+    clearly better than before.
 
     A base that stopped in a local minimum leaves a gap that is none.
     """
@@ -146,7 +146,7 @@ def refit_on_base(
     spreads: Sequence[Spread],
     complete: Sequence[FitRun],
 ) -> Fits:
-    """Models of `fits` refitted with the values of a new `base` and with run-to-run
+    """Fit the models of `fits` again with the values of a new `base` and new run-to-run
     `spreads`.
 
     `complete` are the runs with all unknowns. Models that cannot come up to the best
@@ -178,8 +178,8 @@ def refit_on_base(
 
 
 def _secants(fit: FitEstimate, runs: Sequence[FitRun]) -> Sequence[Array] | None:
-    """Whitened Jacobians (n, shared + local) of each run at `fit`, for the scales of
-    `runs`.
+    """Whitened Jacobian (samples, unknowns) of each run at `fit`, rescaled to the noise
+    of `runs`; None where these have other unknowns.
 
     None where these have other unknowns of their own.
     """
@@ -193,8 +193,8 @@ def _secants(fit: FitEstimate, runs: Sequence[FitRun]) -> Sequence[Array] | None
 
 
 def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
-    """Copy of the fits with the best single effects fitted, if any of them can be
-    accepted.
+    """Copy of the models' fits with the best single effects fitted, if any of them can
+    be accepted.
     """
     progress("refit the best", 0.25)
     fits = models.fits
@@ -207,7 +207,7 @@ def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
 
 
 def refit_further(search: Search, models: Models, progress: Progress) -> Fits:
-    """Copy of the fits with pairs and triples of effects fitted, and their
+    """Copy of the models' fits with pairs and triples of effects fitted, and their
     alternatives.
 
     Shape parameters come first: what the law of one effect gets wrong is no second

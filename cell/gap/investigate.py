@@ -109,7 +109,9 @@ class Investigation:
 
     @property
     def scope(self) -> Scope:
-        """Fit problem of the subject."""
+        """Base parameters and candidate effects of the subject that the investigation
+        fits.
+        """
         return self.subject.scope
 
     def begin(self) -> Models:
@@ -134,8 +136,8 @@ class Investigation:
         add_models: Callable[[Search, Models, Progress], Fits],
         fraction: float,
     ) -> Models:
-        """Models with more fits by `add_models`; all are refitted where the best
-        revises the base.
+        """Add models to `models` by the function `add_models`; all are fitted again
+        where the best one revises the base.
 
         `fraction` of the whole investigation is done by then.
         """
@@ -239,8 +241,8 @@ class Investigation:
         return Findings.of(results, decide(results), advised)
 
     def choose(self, fits: Fits, sets: Posterior) -> tuple[CrossValidatedFit, Fits]:
-        """Model to accept, refitted by the finest simulation, and a copy of `fits` with
-        this.
+        """Choose the model to accept and refit it with the finest simulation; also
+        returns `fits` with this refit.
 
         Its probability in `sets` stays: those compare all models by the same, coarser
         simulation.
@@ -287,8 +289,8 @@ class Investigation:
     def _matching_places(
         self, accepted: CrossValidatedFit, fits: Fits
     ) -> Sequence[Bin]:
-        """Bins where residuals of the base match the accepted effects; empty without
-        effects.
+        """Bins of samples where residuals of the base match the accepted effects; empty
+        without accepted effects.
         """
         if not accepted.effects:
             return ()
@@ -304,7 +306,7 @@ class Investigation:
         accepted: CrossValidatedFit,
         unseen: Sequence[FitRun],
     ) -> HeldOutFits:
-        """Fit base and accepted model to the runs `unseen`, with their shared
+        """Fit base and accepted model to the held-out runs `unseen`, with their shared
         parameters fixed.
         """
         fits = [base, accepted] if accepted.effects else [base]
@@ -384,8 +386,8 @@ def _is_strained(base: FitEstimate) -> bool:
 def _alternative(
     screened: Screen, accepted: CrossValidatedFit, fits: Fits, tests: ModelTests
 ) -> tuple[Model, Array] | None:
-    """Model to separate from `accepted`, the closest rival, with its shared values
-    (P,).
+    """Model to separate from `accepted`, its closest rival, with the rival's shared
+    values (P,); None without one.
     """
     size = len(accepted.effects) or 1
     others = [m for m in fits.of_size(size) if m is not accepted]

@@ -404,8 +404,8 @@ def release(
 
 
 def _compare_edges(given: FoldInputs, log: FoldLog, loop: Loop, edge: Pose) -> None:
-    """Compare the edges' offset by the image's `loop` with where the arm has laid the
-    `edge`.
+    """Record how far the laid edges lie apart by the image's `loop`, and check it
+    against where the arm laid the `edge`.
     """
     beyond = edge_offset(given.strip.length, given.strip.thickness, loop)
     log.edge_offset = beyond + given.goal

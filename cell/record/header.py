@@ -243,8 +243,8 @@ class Result(Recorded):
     witnesses: tuple[WitnessNote, ...] = ()
 
     def __str__(self) -> str:
-        """Outcome, and of a fold its displacement and the offset of its laid edges, in
-        a line.
+        """One line with the run's outcome and, for a fold, its displacement and the
+        offset of its laid edges.
         """
         lengths = {"displacement": self.displacement, "edges": self.edge_offset}
         known = (

@@ -192,8 +192,8 @@ def _damped_inverse(jac: Array, damping: float) -> Array:
 
 
 def straight(joints: Array, step: Array) -> Iterator[Array]:
-    """Yield joints (7,) [rad] endlessly, each a `step` (3,) [m] of the tip further; no
-    checks.
+    """Yield the arm's joints (7,) [rad] endlessly, each moving the tip straight on by a
+    `step` (3,) [m]; limits are not checked.
     """
     twist = np.concatenate([step, np.zeros(3)])
     while True:

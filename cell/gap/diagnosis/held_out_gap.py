@@ -18,8 +18,8 @@ DRAWS = 2000  # of runs, for the interval of the shrink; set by hand
 
 
 class Shrink(NamedTuple):
-    """Share by which a model reduces the excess residual of held-out runs, with 95 %
-    interval.
+    """Fraction by which a model reduces the excess residual of held-out runs, with its
+    95 % confidence interval `low` to `high`.
     """
 
     value: float
@@ -30,8 +30,8 @@ class Shrink(NamedTuple):
 def fit_held_out(
     simulate: Simulate, held: Model, runs: Sequence[FitRun]
 ) -> FitEstimate:
-    """Fit a model whose shared values are `held` to `runs`: their own unknowns are
-    free.
+    """Fit a model to held-out `runs`: its shared values stay fixed at those of `held`,
+    only the runs' own unknowns are free.
     """
     return run_one(simulate, refit(held, runs, stated(runs, np.zeros(0))))
 
@@ -39,16 +39,16 @@ def fit_held_out(
 def floor(
     runs: Sequence[FitRun], quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
-    """Root mean square noise by displayed quantity: the residual that a perfect model
-    leaves.
+    """Root mean square measurement noise of each displayed quantity, by its key: the
+    residual that a perfect model leaves.
     """
     readings = [run.samples.reading**2 for run in runs]
     return _display_gaps(runs, readings, quantities)
 
 
 def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
-    """Mean of the finite values of `square` (n,), by the word of `words` (n,) that
-    marks them.
+    """Mean of the finite values of `square` (n,) for each distinct word of `words`
+    (n,), such as a channel's name.
     """
     known = np.isfinite(square)
     return {
@@ -62,8 +62,8 @@ def _display_gaps(
     squares_by_run: Sequence[Array],
     quantities: Mapping[str, Quantity],
 ) -> dict[str, float]:
-    """Rms residual by key of each displayed quantity, in its unit, of each run's (n,)
-    [SI^2].
+    """Root mean square residual of each displayed quantity, by its key and in its unit,
+    from the squared residuals (samples,) of each run.
     """
     squares: dict[str, list[float]] = defaultdict(list)
     for run, square in zip(runs, squares_by_run, strict=True):
@@ -83,8 +83,8 @@ def run_squares(estimate: FitEstimate) -> Array:
 
 
 def excess(squares: Array) -> Array:
-    """Excess residual (...) [noise], sqrt(max(mean - 1, 0)) of `squares` (..., R) of R
-    runs.
+    """Excess residual (...) in units of noise, sqrt(max(mean - 1, 0)), from the mean
+    squares (..., runs) of whitened residuals.
     """
     beyond: Array = np.sqrt(np.maximum(squares.mean(axis=-1) - 1.0, 0.0))
     return beyond
@@ -100,7 +100,9 @@ def excess_of(estimate: FitEstimate) -> float:
 def excess_by_quantity(
     estimate: FitEstimate, quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
-    """Excess residual [noise] of a fit in each displayed quantity, by its key."""
+    """Excess residual of a fit, in units of noise, for each displayed quantity by its
+    key.
+    """
     shown = _display_gaps(estimate.runs, [r**2 for r in estimate.residuals], quantities)
     units = {quantity.key: quantity.factor for quantity in quantities.values()}
     return {
@@ -121,8 +123,8 @@ def bounded_excess(estimate: FitEstimate) -> float:
 def sizes(
     estimate: FitEstimate, quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
-    """Root mean square residuals of a fit by displayed quantity, and its `excess`
-    [noise].
+    """Root mean square residual of a fit for each displayed quantity, and its total
+    excess residual in units of noise.
     """
     rms = _display_gaps(estimate.runs, [raw.square for raw in estimate.raw], quantities)
     return {**rms, "excess": excess_of(estimate)}
@@ -163,8 +165,8 @@ def odd_runs(
 
 
 def shrink(before: FitEstimate, after: FitEstimate, rng: np.random.Generator) -> Shrink:
-    """Share of the excess residual removed, 1 - after / before, by bootstrap (Efron
-    1979).
+    """Fraction of the excess residual that a fit `after` removes from that `before`,
+    with a bootstrap interval (Efron 1979).
     """
     squares = [*map(run_squares, (before, after))]
     count = len(before.runs)
@@ -175,8 +177,8 @@ def shrink(before: FitEstimate, after: FitEstimate, rng: np.random.Generator) ->
 
 
 def _share_closed(before: Array, after: Array) -> Array:
-    """Share (...) of excess removed from squares `before` (..., R) to `after`; 0
-    without excess.
+    """Fraction (...) of the excess residual removed, from mean squares (..., runs)
+    `before` and `after`; 0 where there was no excess.
     """
     gap = excess(before)
     is_gap = gap > 0.0

@@ -39,7 +39,8 @@ SUSPECTED = 0.02  # p-value; of six runs in a row two neighbours may be exchange
 
 
 class Repeats(NamedTuple):
-    """Scatter between repeats of a condition, by channel, in units of the stated noise.
+    """Scatter between repeated runs of one condition, for each channel, in units of the
+    stated noise.
 
     `scatter` between repeats, and `inflation` of the noise once a drift of the base
     with the index of the run is taken out. `drift` says in words which parameter drifts
@@ -54,8 +55,8 @@ class Repeats(NamedTuple):
 
     @classmethod
     def of(cls, estimate: FitEstimate) -> Self:
-        """Compare the repeats among the runs of `estimate`, and test them for a drift
-        of the base.
+        """Compare the repeated runs of `estimate`, and test whether base parameters
+        drift from run to run.
 
         Likelihood ratio (Wilks 1938) of each parameter linear in the index, all at
         once, in units of the scatter between repeats that is left then. Only repeats
@@ -90,15 +91,15 @@ class Repeats(NamedTuple):
 
     @property
     def differ(self) -> bool:
-        """Whether repeats differ by more than UNSTEADY times the stated noise, without
-        drift.
+        """Whether repeated runs differ by more than UNSTEADY times the stated noise
+        once a drift is taken out.
         """
         return max(self.inflation.values(), default=1.0) > UNSTEADY
 
     @property
     def drifts(self) -> bool:
-        """Whether repeats differ beyond noise, by base parameters that drift from run
-        to run.
+        """Whether repeated runs differ beyond noise because base parameters drift from
+        run to run.
         """
         return self.p < ALPHA and max(self.scatter.values(), default=1.0) > 1.0
 
@@ -132,8 +133,8 @@ def _pure_error(
 def _repeated_bins(
     estimate: FitEstimate, residuals: Sequence[Array]
 ) -> Iterator[tuple[str, Array]]:
-    """Yield channel, and mean residuals and counts (2, k), of time bins in k > 1
-    repeats.
+    """Yield the channel, and the mean residuals and sample counts (2, k), of each time
+    bin that k > 1 repeated runs share.
     """
     bins: dict[tuple[Place, int], list[tuple[float, int]]] = defaultdict(list)
     for run, r in zip(estimate.runs, residuals, strict=True):
@@ -146,8 +147,8 @@ def _repeated_bins(
 
 
 def _relative_index(runs: Sequence[FitRun]) -> Array:
-    """Index (R,) of each run in the order of measurement, less the mean over its
-    repeats.
+    """Index (runs,) of each run in the order of measurement, less its mean over the
+    repeats of the run's condition.
     """
     index = np.array([run.index for run in runs], dtype=float)
     for rows in _rows_by(run.condition for run in runs).values():
@@ -156,8 +157,8 @@ def _relative_index(runs: Sequence[FitRun]) -> Array:
 
 
 def _drift_words(estimate: FitEstimate, form: NormalEquations) -> str:
-    """Text on the parameter whose linear drift explains most, and its change per
-    run.
+    """Sentence on the base parameter whose linear drift explains the repeats' scatter
+    best, with its change per run.
     """
     gradient = form.gradient
     information = np.maximum(np.diag(form.curvature), 1e-300)
@@ -177,7 +178,7 @@ def _places(run: FitRun) -> Iterator[Place]:
 
 
 def _rows_by(keys: Iterable[K]) -> dict[K, list[int]]:
-    """Positions in `keys` of each distinct key."""
+    """Positions in `keys` at which each distinct key stands, by key."""
     rows: dict[K, list[int]] = defaultdict(list)
     for i, key in enumerate(keys):
         rows[key].append(i)
@@ -206,8 +207,8 @@ class Bin:
 
 
 class ResidualTest(NamedTuple):
-    """Test of a fit's residuals against those that noise and run-to-run variation would
-    leave.
+    """Test of a fit's residuals (samples,) against those that measurement noise and
+    run-to-run variation would leave.
 
     `noise` (N, draws) are draws of these; the residuals are divided by what is
     `allowed` (N,) first, the factor on the noise of a sample's channel that its
@@ -237,15 +238,17 @@ class ResidualTest(NamedTuple):
 
     @property
     def bins(self) -> dict[Place, list[int]]:
-        """Row numbers of the samples in each bin, by its place; small bins are left
-        out.
+        """Row numbers of the samples in each bin (channel, phase, zone, condition);
+        bins with few samples are left out.
         """
         rows = _rows_by(self._places).items()
         return {place: some for place, some in rows if len(some) >= FEWEST_SAMPLES}
 
     @property
     def _residuals(self) -> Array:
-        """Residuals (N,) of the fit, divided by what is allowed."""
+        """Whitened residuals (samples,) of the fit, divided by the noise factor allowed
+        for each sample.
+        """
         return self.estimate.stacked_residuals / self.allowed
 
     @property
@@ -298,8 +301,8 @@ class ResidualTest(NamedTuple):
         return sorted(tested, key=lambda each: -abs(each.z))
 
     def matching(self, fitted: FitEstimate, others: Sequence[FitEstimate]) -> list[Bin]:
-        """Test in each bin how well residuals match the effects of model `fitted`;
-        surest first.
+        """Test in each bin how well the residuals match what the effects of the model
+        `fitted` would change; surest bin first.
 
         Each sample counts by what that model predicts otherwise than this one (matched
         filter). It was chosen in sight of the residuals, so that a draw counts by its
@@ -351,8 +354,8 @@ def _tail(drawn: Array, observed: float) -> float:
 
 
 def _sum_and_energy(residuals: Array, rows: Sequence[list[int]]) -> tuple[Array, Array]:
-    """Sums (k, ...) over bins, and sqrt(2 sum of squares) (k, ...), of residuals (N,
-    ...).
+    """Sums (bins, ...) of residuals (samples, ...) over the samples of each bin, and
+    sqrt(2 sum of squares) (bins, ...).
     """
     sums, squares = (
         np.array([values[i].sum(axis=0) for i in rows])
@@ -364,23 +367,25 @@ def _sum_and_energy(residuals: Array, rows: Sequence[list[int]]) -> tuple[Array,
 def _match_sums(
     r: Array, weight: Array, rows: Sequence[list[int]], noise: Array
 ) -> tuple[Array, Array]:
-    """Standardised weighted sums over bins of `r` (N,) and of `noise` (N, draws)."""
+    """Sums (bins,) of residuals `r` (samples,) and (bins, draws) of `noise` (samples,
+    draws), weighted and standardised by the noise draws.
+    """
     drawn = np.array([weight[i] @ noise[i] for i in rows])
     observed = _standardise(np.array([r[i] @ weight[i] for i in rows]), drawn)
     return observed, _standardise(drawn.T, drawn).T
 
 
 def _standardise(values: Array, drawn: Array) -> Array:
-    """Statistics (..., k) in standard deviations of draws (k, draws) of them, about
-    their mean.
+    """Convert statistics (..., k) to standard deviations from the mean of their k rows
+    of random draws `drawn` (k, draws).
     """
     standard: Array = (values - drawn.mean(axis=1)) / (drawn.std(axis=1) + 1e-12)
     return standard
 
 
 def stronger_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:
-    """Bins with the smaller p-value of two tests, doubled for that choice; strongest
-    first.
+    """Bins with the smaller p-value of two tests, doubled because the better of two was
+    chosen; strongest bin first.
     """
     if not by_effect:
         return list(by_itself)
@@ -396,7 +401,8 @@ def can_be_ordered(runs: Sequence[FitRun]) -> bool:
 
 
 def order_suspicion(estimate: FitEstimate, rng: np.random.Generator) -> str:
-    """Words on values that change with the order in which runs were taken; else empty.
+    """Sentence on values that change with the order in which the runs were taken; empty
+    if none does.
 
     Of each run follow the values of shared parameters, by a step of the fit towards it,
     and its own random unknowns. The strongest of their rank correlations with the order
@@ -428,8 +434,8 @@ def order_suspicion(estimate: FitEstimate, rng: np.random.Generator) -> str:
 
 
 def _values_by_run(estimate: FitEstimate) -> tuple[list[Parameter], Array]:
-    """Parameters (k) that all runs share, or each draws anew, and their values (R, k)
-    by a fit in which the others hardly count.
+    """Parameters (k,) that all runs share or each run draws anew, and their values
+    (runs, k) fitted to each run by itself.
     """
     runs = estimate.runs
     scale = estimate.scale
@@ -450,7 +456,9 @@ def _values_by_run(estimate: FitEstimate) -> tuple[list[Parameter], Array]:
 
 
 def _ranks(values: Array) -> Array:
-    """Ranks of each column (n, k) about zero, of unit length."""
+    """Ranks within each column of `values` (n, k), centred on zero and scaled to unit
+    length.
+    """
     ranks: Array = rankdata(values, axis=0) - 0.5 * (len(values) + 1)
     ranks /= np.linalg.norm(ranks, axis=0)
     return ranks

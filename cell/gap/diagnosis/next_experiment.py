@@ -17,8 +17,8 @@ from drivers.base.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Recommendation:
-    """Recommended experiment: models that it separates, expected sigma, duration
-    [min].
+    """Recommended experiment: the two models that it separates, by how many sigma, and
+    its duration in minutes.
     """
 
     experiment: str
@@ -33,8 +33,8 @@ def advise(
     experiments: Sequence[Experiment],
     likelihood: LikelihoodScale,
 ) -> Task[list[Recommendation]]:
-    """Rank `experiments` by how well they separate two models per minute; yields
-    requests.
+    """Rank `experiments` by how well they separate two models per minute of
+    measurement; a task that yields simulation requests.
 
     `second` is a model with its shared values (P,). What the first explanation's
     parameters may still move, given the runs so far, is projected out (design for
@@ -64,14 +64,17 @@ def advise(
 
 
 def _information(estimate: FitEstimate) -> Array:
-    """Information matrix (P, P) on the shared parameters, from runs and priors."""
+    """Information matrix (P, P) on the P shared parameters of a fit, from its runs and
+    priors.
+    """
     count = len(estimate.shared)
     spread = covariance(estimate.normal().curvature)[:count, :count]
     return np.asarray(np.linalg.pinv(spread, hermitian=True))
 
 
 def _unabsorbed_square(response: Array, jacobian: Array, prior: Array) -> float:
-    """Squared norm of the part of a response (N,) that the unknowns cannot absorb.
+    """Squared norm of the part of a `response` (samples,) that no change of the fit's
+    unknowns can absorb.
 
     `prior` (size, size) is their inverse covariance.
     """

@@ -16,8 +16,8 @@ Task = Generator[list[SimulationRequest], Sequence[Residuals], T]
 
 
 def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
-    """Advance generators of requests in lock-step, with joint requests; returns all
-    results.
+    """Run tasks, generators of simulation requests, in lock-step with joint requests;
+    returns all their results.
     """
     results: dict[int, T] = {}
     waiting: dict[int, list[SimulationRequest]] = {}
@@ -41,15 +41,15 @@ def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
 
 
 def run_one(simulate: Simulate, task: Task[T]) -> T:
-    """Run a fit, a generator of requests, to its end by `simulate`; returns its
-    result.
+    """Run one task, a generator of simulation requests, to its end with `simulate`;
+    returns its result.
     """
     return run_all(simulate, [task])[0]
 
 
 def run_all(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
-    """Run fits in lock-step, with one call of `simulate` for each round; returns their
-    results.
+    """Run tasks in lock-step, with one call of `simulate` for the requests of each
+    round; returns their results.
     """
     joint = side_by_side(tasks)
     answers: Sequence[Residuals] | None = None
@@ -63,7 +63,9 @@ def run_all(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
 
 
 class CountedSimulation:
-    """Callable that simulates requests and counts in `total` how many there were."""
+    """Callable that simulates requests, and counts in `total` how many it has
+    simulated.
+    """
 
     def __init__(self, simulate: Simulate) -> None:
         self._simulate = simulate

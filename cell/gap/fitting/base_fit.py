@@ -25,8 +25,8 @@ def refit_base(simulate: Simulate, model: Model, runs: Sequence[FitRun]) -> FitE
 
 
 def undetermined_values(estimate: FitEstimate) -> list[tuple[Parameter, float]]:
-    """Base parameters whose uncertainty the runs hardly reduce, with standard
-    deviations.
+    """Base parameters whose uncertainty the runs hardly reduce, each with its standard
+    deviation after the fit.
     """
     sigma = np.sqrt(np.diag(covariance(estimate.normal().curvature)))
     pairs = zip(estimate.model.base, sigma, strict=False)
@@ -34,8 +34,8 @@ def undetermined_values(estimate: FitEstimate) -> list[tuple[Parameter, float]]:
 
 
 def strains(estimate: FitEstimate) -> dict[str, float]:
-    """Deviations of fitted base values from the stated ones, in prior standard
-    deviations.
+    """Deviation of each fitted base value from its stated one, by name, in standard
+    deviations of its prior.
     """
     pairs = zip(estimate.model.base, estimate.shared, strict=False)
     return {p.name: (v - p.start) / p.spread for p, v in pairs if np.isfinite(p.spread)}
@@ -56,8 +56,8 @@ def refit_fine(
 
 
 def stated_estimate(subject: Subject, simulate: Simulate) -> FitEstimate:
-    """Estimate with the base as the file states it, not fitted, as if it left no
-    residuals.
+    """Estimate of the subject's base parameters at their stated values, without a fit
+    and with residuals taken as zero.
     """
     runs = subject.runs
     base = subject.scope.base
@@ -73,8 +73,8 @@ def effect_responses(
     base: FitEstimate,
     effects: Sequence[tuple[Candidate, Sequence[float]]],
 ) -> Array:
-    """Changes (N, k) of the whitened residuals of all runs by k effects, each alone
-    with its given values.
+    """Whitened responses (samples, k) of all runs to k effects, each added alone to the
+    `base` fit with its given values.
     """
     models = [(base.model, base.shared)]
     for effect, values in effects:
@@ -104,21 +104,21 @@ class Projection(NamedTuple):
     scatter: Array
 
     def unabsorbed(self, response: Array) -> Array:
-        """Part of `response` (N, ...) that a refit of the unknowns leaves, in weighted
-        units.
+        """Part of `response` (samples, ...) that a refit of all unknowns leaves, in
+        weighted units.
         """
         back = self.inverse @ (self.jacobian.T @ response)
         return response - self.jacobian @ back
 
     def weigh(self, whitened: Array) -> Array:
-        """Whitened response (N, k) times the square roots of the samples' robust
-        weights.
+        """Whitened response (samples, k) multiplied by the square roots of the samples'
+        robust weights.
         """
         return whitened * self.weight[:, None]
 
     def form(self, responses: Array) -> NormalEquations:
-        """Normal equations in the amounts of `responses` (N, k), all other unknowns
-        refitted.
+        """Normal equations in the amounts of k effects with `responses` (samples, k),
+        all other unknowns being refitted.
 
         At the estimate the unknowns' own gradient vanishes, so that responses D in the
         amounts a change the minimum by a' D' r + a' D' (I - H) D a / 2, H the hat
@@ -131,7 +131,8 @@ class Projection(NamedTuple):
 def projection(
     estimate: FitEstimate, *, robustly: bool = True, nuisance: Sequence[Array] = ()
 ) -> Projection:
-    """Projection about `estimate`, in which unknowns on a bound are fixed.
+    """Projection about `estimate` that removes what a refit of its unknowns absorbs;
+    unknowns on a bound stay fixed.
 
     Whitened responses `nuisance` (N, k) may be there by unknown amounts of one standard
     deviation.

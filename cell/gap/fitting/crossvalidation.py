@@ -37,8 +37,8 @@ class NormalDensity(NamedTuple):
     precision: Array
 
     def condition(self, r: Array, responses: Array) -> tuple[Self, float]:
-        """Posterior density given residuals `r` (n,) of a run, and minus its log
-        density [nats].
+        """Posterior density of the amounts given the residuals `r` (n,) of a run, and
+        the negative log density [nats] of these residuals.
 
         Residuals change by `responses` (n, k) with the amounts. Both are by Laplace's
         approximation under the robust loss; the loss leaves out the constant of unit
@@ -63,8 +63,8 @@ class NormalDensity(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CrossValidatedFit(FitEstimate):
-    """A fitted model, and the whitened residuals `left_out` (n,) of each run predicted
-    without that run.
+    """Fitted model with the whitened residuals (n,) of each run, predicted without the
+    runs of its fold.
 
     `uncertain` (n, k) by run are its responses to one standard deviation of the shared
     values under the other folds. `charged` (R,) [nats] is added to the loss of each
@@ -77,8 +77,8 @@ class CrossValidatedFit(FitEstimate):
     charged: Array
 
     def losses(self, scale: float) -> Array:
-        """Negative log predictive density (R,) [nats] of each run, at the dispersion
-        `scale`.
+        """Negative log predictive density (runs,) [nats] of each run, at the residuals'
+        dispersion `scale`.
 
         That of a run given the other folds, with the shared values as uncertain as
         those leave them (Laplace's approximation); runs of one fold follow one another.
@@ -114,8 +114,8 @@ Prediction = tuple[Array, Array, float]
 
 
 def validate(estimate: FitEstimate) -> Task[CrossValidatedFit]:
-    """Predict each run of `estimate` from a fit to the other folds; yields simulation
-    requests.
+    """Cross-validate `estimate`: predict each run from a fit to the other folds; a task
+    that yields simulation requests.
     """
     dealt = folds(estimate.runs)
     parts = yield from side_by_side([_predict_fold(estimate, fold) for fold in dealt])
@@ -136,8 +136,8 @@ def validate(estimate: FitEstimate) -> Task[CrossValidatedFit]:
 
 
 def _predict_fold(estimate: FitEstimate, fold: Sequence[int]) -> Task[list[Prediction]]:
-    """Predict the runs of `fold` by a fit to all other runs; yields simulation
-    requests.
+    """Predict the runs of `fold` from a fit to all other runs; a task that yields
+    simulation requests.
 
     Penalised by the number of shared values that only the fold determines, at its first
     run, and by the losses of the runs' random unknowns.
@@ -159,8 +159,8 @@ def _predict_fold(estimate: FitEstimate, fold: Sequence[int]) -> Task[list[Predi
 
 
 def on_runs(estimate: FitEstimate, keep: Sequence[int]) -> tuple[Array, Mask]:
-    """Shared values (P,) fitted to the runs `keep` only, and mask (P,) of undetermined
-    ones.
+    """Shared values (P,) fitted to the runs numbered `keep` only, and a mask (P,) of
+    those that these runs do not determine.
 
     One Newton step from the fit to all runs; a value stays where the runs do not
     determine it.
@@ -180,7 +180,8 @@ def _random_loss(run: FitRun, local: Array) -> float:
 
 
 def _undetermined_values(estimate: FitEstimate, keep: Sequence[int]) -> Mask:
-    """Mask (P,) of the parameters of effects that the runs `keep` do not determine.
+    """Mask (P,) of the effects' parameters that the runs numbered `keep` do not
+    determine.
 
     An effect that lives in one condition cannot be predicted from the others; it keeps
     its value, and is charged with the nat by which a fit flatters itself (Akaike 1974).
@@ -195,8 +196,8 @@ def _undetermined_values(estimate: FitEstimate, keep: Sequence[int]) -> Mask:
 
 
 def _newton_step(estimate: FitEstimate, held: Mask) -> Array:
-    """Shared values (P,) after a bounded Newton step of `estimate`, those of mask
-    `held` fixed.
+    """Shared values (P,) after one Newton step of `estimate` within bounds; those in
+    the mask `held` (P,) stay fixed.
     """
     unknowns = estimate.unknowns
     z = estimate.z
@@ -209,8 +210,8 @@ def _newton_step(estimate: FitEstimate, held: Mask) -> Array:
 
 
 def _deviations(kept: FitEstimate, shared: Array, undetermined: Mask) -> Array:
-    """Deviations (P, k) of the shared values under the runs `kept`, of unit variance
-    each.
+    """Directions (P, k) in which the P shared values are uncertain, given the runs
+    `kept`, each of one standard deviation.
 
     Values that are `undetermined` (P,), or of `shared` (P,) those on a bound, are taken
     as known.
@@ -230,8 +231,8 @@ def _deviations(kept: FitEstimate, shared: Array, undetermined: Mask) -> Array:
 
 
 def _own_response(estimate: FitEstimate, i: int) -> Array:
-    """Derivative (k, P) by the shared values of the own unknowns of run number `i`,
-    which are fitted to them.
+    """Derivative (k, P) of the refitted k unknowns of run number `i` by the P shared
+    values.
     """
     count = len(estimate.shared)
     scale = estimate.scale
@@ -245,8 +246,8 @@ def _own_response(estimate: FitEstimate, i: int) -> Array:
 
 
 def settled_response(estimate: FitEstimate, i: int) -> Array:
-    """Derivative (n, P) of the residuals of run number `i` by the shared values, where
-    the run's own unknowns follow them.
+    """Derivative (n, P) of the residuals of run number `i` by the P shared values, with
+    the run's own unknowns refitted.
     """
     shared, own = np.split(estimate.jacobians[i], [len(estimate.shared)], axis=1)
     return shared + own @ _own_response(estimate, i)

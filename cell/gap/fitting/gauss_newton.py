@@ -43,8 +43,8 @@ FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
 
 
 def linearise(model: Model, runs: Sequence[FitRun], point: Point) -> Task[Linearised]:
-    """Residuals and whitened Jacobian (n, shared + local) of each run; yields
-    requests.
+    """Residuals and whitened Jacobian (samples, unknowns) of each run at `point`; a
+    task that yields simulation requests.
     """
     pairs = zip(runs, point.local, strict=True)
     shared = point.shared
@@ -56,7 +56,9 @@ def linearise(model: Model, runs: Sequence[FitRun], point: Point) -> Task[Linear
 def _linearise_run(
     model: Model, run: FitRun, shared: Array, local: Array
 ) -> Task[tuple[Residuals, Array]]:
-    """Residuals and whitened Jacobian (n, shared + local) of a run; yields requests."""
+    """Residuals and whitened Jacobian (samples, unknowns) of one run; a task that
+    yields simulation requests.
+    """
     batch, steps = _secant_requests(model, run, shared, local)
     answers = yield batch
     at_point, *stepped = answers[1:] if run.replicate else answers
@@ -67,8 +69,8 @@ def _linearise_run(
 def _secant_jacobian(
     at_point: Residuals, stepped: Sequence[Residuals], scale: Array, steps: Array
 ) -> Array:
-    """Whitened Jacobian (n, k) by finite differences over `steps` (k,); 0 where
-    residuals are NaN.
+    """Whitened Jacobian (n, k) by finite differences over `steps` (k,) in k unknowns; 0
+    where residuals are NaN.
 
     It is that of residuals `at_point`, from those `stepped` in each of k unknowns;
     `scale` (n,) is the noise.
@@ -84,7 +86,8 @@ def _secant_jacobian(
 def _secant_requests(
     model: Model, run: FitRun, shared: Array, local: Array
 ) -> tuple[list[SimulationRequest], Array]:
-    """Requests at the point and one step off in each unknown, and the steps (k,).
+    """Simulation requests at the given values and one step off in each of k unknowns,
+    and the steps (k,).
 
     For a replicate the first, at the values, comes once more as a response to compare
     with.
@@ -103,7 +106,9 @@ def _secant_requests(
 
 
 def _step_within_bounds(p: Parameter, value: float) -> float:
-    """Finite-difference step of `p` at `value`, reversed where a bound forbids it."""
+    """Finite-difference step of the parameter `p` at `value`, reversed where its bound
+    forbids it.
+    """
     return p.step if p.low <= value + p.step <= p.high else -p.step
 
 
@@ -141,8 +146,8 @@ class FitEstimate:
         raw: Sequence[Residuals],
         jacobians: Sequence[Array],
     ) -> Self:
-        """Estimate at `point`: simulated residuals `raw`, whitened `jacobians` (n,
-        size) by run.
+        """Estimate at the values `point`, from each run's simulated residuals `raw` and
+        whitened Jacobian (samples, unknowns).
         """
         r = residuals(raw, runs)
         scale = robust.scale(np.concatenate(r))
@@ -165,12 +170,12 @@ class FitEstimate:
 
     @property
     def local(self) -> Sequence[Array]:
-        """Values (k,) of the unknowns of each run."""
+        """Values (k,) of the own unknowns of each run."""
         return self.point.local
 
     @property
     def effects(self) -> tuple[Candidate, ...]:
-        """Effects of the model."""
+        """Effects that the fitted model adds to its base."""
         return self.model.effects
 
     @property
@@ -190,8 +195,8 @@ class FitEstimate:
 
     @property
     def proxies(self) -> list[Candidate]:
-        """Effects whose fitted law is not their own: they stand in for what the library
-        lacks.
+        """Effects of the model whose fitted law is not their own: they stand in for one
+        that the library lacks.
         """
         _, values = self.values
         return [
@@ -205,8 +210,8 @@ class FitEstimate:
 
     @property
     def z(self) -> Array:
-        """Values (size,) of all unknowns in one vector: shared ones, then those of each
-        run.
+        """Values (size,) of all unknowns in one vector: the shared ones, then those of
+        each run.
         """
         return np.concatenate([self.shared, *self.local])
 
@@ -228,8 +233,8 @@ class FitEstimate:
 
     @property
     def changes(self) -> Array:
-        """Whitened changes (P, N) of all runs by each shared value's distance from its
-        start.
+        """Whitened changes (P, samples) of the residuals that each shared value causes
+        by its distance from its start.
         """
         moved = self.shared - starts(self.model.parameters)
         return np.transpose(self.stacked_jacobian[:, : len(moved)] * moved)
@@ -242,8 +247,8 @@ class FitEstimate:
 
     @property
     def objective(self) -> float:
-        """Robust loss of the residuals at their own dispersion plus that of the priors
-        [nats].
+        """Robust loss [nats] of the fit: of its residuals at their own dispersion, plus
+        that of the priors.
         """
         return self.objective_at(self.scale)
 
@@ -256,8 +261,8 @@ class FitEstimate:
         return data + 0.5 * float(unknowns.precision @ (self.z - unknowns.mean) ** 2)
 
     def normal(self) -> NormalEquations:
-        """Robustly weighted normal equations of data and priors at the estimate's
-        dispersion.
+        """Robustly weighted normal equations of the fit's data and priors, at the
+        dispersion of its residuals.
         """
         unknowns = self.unknowns
         s = self.scale
@@ -294,8 +299,8 @@ class FitEstimate:
 def responses_to(
     at: FitEstimate, models: Sequence[tuple[Model, Array]]
 ) -> Task[list[Sequence[Array]]]:
-    """Changes (n,) of each run's whitened residuals from the first model to each other
-    one.
+    """Change (samples,) of each run's whitened residuals from the first of `models` to
+    each other one.
 
     Each model comes with its shared values (P,); the unknowns of the runs are those of
     the fit `at`. A task that yields requests.
@@ -312,8 +317,8 @@ def responses_to(
 
 
 def best(estimates: Sequence[FitEstimate]) -> FitEstimate:
-    """That one of `estimates` with the smallest objective, all at the smallest
-    dispersion.
+    """Estimate with the smallest objective, all compared at the smallest of their
+    dispersions.
     """
     scale = min(estimate.scale for estimate in estimates)
     return min(estimates, key=lambda e: e.objective_at(scale))
@@ -327,7 +332,8 @@ def refit(
     enough: float = FINAL_GAIN,
     steps: int = MOST_STEPS,
 ) -> Task[FitEstimate]:
-    """Fit `model` to `runs`, from the values `start`; yields requests.
+    """Fit `model` to `runs` from the values `start`; a task that yields simulation
+    requests.
 
     `jacobians` (n, shared + local) by run of a fit nearby spare the first secants; the
     fit ends when a further step promises less than `enough` nats, or gains less with a
@@ -369,8 +375,8 @@ def _estimate_at(
     point: Point,
     jacobians: Sequence[Array] | None = None,
 ) -> Task[FitEstimate]:
-    """Estimate at values `point`, with `jacobians` or new ones by secants; yields
-    requests.
+    """Estimate of a model at the values `point`, with the given Jacobians or new ones;
+    a task that yields simulation requests.
     """
     if jacobians is None:
         raw, jacobians = yield from linearise(model, runs, point)
@@ -398,8 +404,8 @@ def residuals(raw: Sequence[Residuals], runs: Sequence[FitRun]) -> Sequence[Arra
 
 
 def _line_search(fit: FitEstimate, curvature: Array, step: Array) -> Task[FitEstimate]:
-    """Estimate after the full step or, where that gains nothing, the best along a
-    parabola.
+    """Estimate after a full Gauss-Newton step or, where that gains nothing, the best
+    one along a parabola.
     """
     full = (yield from _evaluate(fit, [fit.z + step]))[0]
     if full.objective_at(fit.scale) < fit.objective:
@@ -413,7 +419,7 @@ def _line_search(fit: FitEstimate, curvature: Array, step: Array) -> Task[FitEst
 def _second_order_step(
     fit: FitEstimate, full: FitEstimate, curvature: Array, step: Array
 ) -> Array:
-    """Second-order part (size,) of the path to the minimum (geodesic acceleration,
+    """Second-order part (size,) of a fit's path to its minimum (geodesic acceleration,
     Transtrum 2012).
 
     What the residuals did beyond the linear promise in the `full` step is answered by
@@ -434,8 +440,8 @@ def _second_order_step(
 def _broyden_update(
     fit: FitEstimate, trial: FitEstimate, curvature: Array
 ) -> Sequence[Array]:
-    """Jacobians (n, shared + local) by run after the step to `trial`, by Broyden
-    (1965).
+    """Jacobian (samples, unknowns) of each run after the step from `fit` to `trial`, by
+    Broyden's update (1965).
 
     They give the change of the residuals that was seen, at least change in units of
     what each unknown does; samples that either side lost change nothing.
@@ -458,8 +464,8 @@ def _broyden_update(
 
 
 def _evaluate(fit: FitEstimate, points: Sequence[Array]) -> Task[list[FitEstimate]]:
-    """Estimates at `points` (size,) within bounds, with `fit`'s Jacobians; yields
-    requests.
+    """Estimates at `points` (size,) clipped to their bounds, with the Jacobians of
+    `fit`; a task that yields simulation requests.
     """
     runs = fit.runs
     inside = [*map(fit.unknowns.point, points)]
@@ -469,5 +475,5 @@ def _evaluate(fit: FitEstimate, points: Sequence[Array]) -> Task[list[FitEstimat
 
 
 def _portions(answers: Sequence[T], size: int) -> list[Sequence[T]]:
-    """Answers in portions of `size` answers each."""
+    """Split `answers` into portions of length `size`, which divides their number."""
     return [answers[k : k + size] for k in range(0, len(answers), size)]

@@ -72,8 +72,8 @@ class Model:
         return base, dict(zip(names, parts, strict=True))
 
     def join(self, base: Array, effects: dict[str, Array]) -> Array:
-        """Shared values (P,) from those of base and `effects` by name, missing ones at
-        null.
+        """Shared values (P,) from those of the `base` and of the `effects` by name;
+        missing effects are at null.
         """
         parts = [
             effect.complete(effects.get(effect.name, effect.null))
@@ -92,15 +92,17 @@ class Point(NamedTuple):
 
 
 def stated(runs: Sequence[FitRun], shared: Array) -> Point:
-    """Values `shared` (P,), with start values of the unknowns of each of `runs`."""
+    """Values to start a fit from: `shared` (P,) ones, and the start values of each
+    run's own unknowns.
+    """
     return Point(shared, [starts(run.local) for run in runs])
 
 
 def request(
     model: Model, run: FitRun, shared: Array, local: Array
 ) -> SimulationRequest:
-    """Request to simulate `run` by `model` at shared values (P,) and values (k,) of the
-    run.
+    """Request to simulate `run` with `model`, at `shared` values (P,) and the run's own
+    values `local` (k,).
     """
     base, effects = model.split(shared)
     return SimulationRequest(run, base, effects, local)
@@ -129,7 +131,7 @@ def whiten(residuals: Residuals, scale: Array) -> Array:
 
 
 def response(moved: Residuals, start: Residuals, scale: Array) -> Array:
-    """Change (n,) of the whitened residuals from `start` to `moved`, divided by `scale`
-    (n,).
+    """Change (n,) of whitened residuals from a simulation `start` to `moved`; `scale`
+    (n,) is the noise.
     """
     return whiten(moved, scale) - whiten(start, scale)

@@ -50,8 +50,8 @@ class Unknowns(NamedTuple):
         )
 
     def columns(self, run: int) -> NDArray[np.int64]:
-        """Positions (P + k,) of the shared unknowns, and of the k unknowns of run
-        number `run`.
+        """Positions (P + k,) in the vector of unknowns of the P shared ones and of the
+        k of run number `run`.
         """
         first = self.shared + sum(self.local[:run])
         return np.concatenate(
@@ -59,8 +59,8 @@ class Unknowns(NamedTuple):
         )
 
     def point(self, z: Array) -> Point:
-        """Values `z` (size,), clipped to the bounds, as shared ones and those of each
-        run.
+        """Split the vector of values `z` (size,), clipped to its bounds, into shared
+        values and those of each run.
         """
         edges = np.cumsum([self.shared, *self.local])
         shared, *local = np.split(np.clip(z, self.low, self.high), edges[:-1])
@@ -82,8 +82,8 @@ class NormalEquations(NamedTuple):
         return float(-self.gradient @ step - 0.5 * step @ self.curvature @ step)
 
     def bounded_step(self, low: Array, high: Array) -> Array:
-        """Step (n,) to the minimum between the bounds `low` (n,) and `high` (n,), by
-        active set.
+        """Step (n,) to the objective's minimum between the bounds `low` (n,) and `high`
+        (n,), by an active-set method.
 
         Unknowns that the step would carry over a bound are put on it and leave the
         system; they come back while the gradient there pulls them inside (Lawson and
@@ -149,8 +149,8 @@ def _pushed_out(slope: Array, step: Array, low: Array, high: Array) -> Mask:
 
 
 def _solve(matrix: Array, right: Array) -> Array:
-    """Solution (n,) of a symmetric positive definite system, scaled to a unit diagonal
-    first.
+    """Solve a symmetric positive definite system `matrix` x = `right` for x (n,),
+    scaled to a unit diagonal first.
     """
     unit, scaled = _scaled(matrix)
     ridge = 1e-12 * np.eye(len(unit))
@@ -158,8 +158,8 @@ def _solve(matrix: Array, right: Array) -> Array:
 
 
 def covariance(curvature: Array) -> Array:
-    """Inverse (size, size) of a `curvature` matrix, large but finite where that is
-    singular.
+    """Inverse (size, size) of a `curvature` matrix (size, size); large but finite where
+    that is singular.
     """
     unit, scaled = _scaled(curvature)
     values, vectors = np.linalg.eigh(scaled)
@@ -180,8 +180,8 @@ def inverse_and_logdet(curvature: Array) -> tuple[Array, float]:
 
 
 def _scaled(matrix: Array) -> tuple[Array, Array]:
-    """Scale factors (size,) by which rows and columns of a `matrix` are divided for a
-    unit diagonal, and the scaled matrix (size, size).
+    """Scale a symmetric `matrix` (size, size) to a unit diagonal; returns the factors
+    (size,) on rows and columns, and the scaled matrix.
     """
     unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-280))
     return unit, matrix * unit[:, None] * unit

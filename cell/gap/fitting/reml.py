@@ -73,7 +73,8 @@ class Spread:
 
 
 def reml_spreads(estimate: FitEstimate) -> tuple[Spread, ...]:
-    """REML estimates of the run-to-run spreads of the random unknowns of `estimate`.
+    """Estimate how much the random unknowns of `estimate` scatter from run to run, by
+    restricted maximum likelihood (REML).
 
     Common ones scatter in most laboratories: each takes its posterior mean, which
     allows for no scatter, and is left out where that is below `SMALLEST`. The others
@@ -99,8 +100,8 @@ def reml_spreads(estimate: FitEstimate) -> tuple[Spread, ...]:
 
 
 def _spread(p: Parameter, fraction: float, error: float) -> Spread:
-    """Spread of `p`: its prior spread times `fraction`, and an interval by the `error`
-    of its log.
+    """Run-to-run spread of `p`: its prior spread times `fraction`, with an interval
+    from the `error` of its logarithm.
     """
     value = fraction * p.spread
     factor = np.exp(CENTRAL_95 * error)
@@ -153,8 +154,8 @@ class Likelihood(NamedTuple):
         )
 
     def loss(self, shares: Array, active: Sequence[int]) -> tuple[float, Array]:
-        """Negative log posterior [nats] of `shares` (k,), up to a constant, and its
-        gradient (k,).
+        """Negative log posterior [nats], up to a constant, of run-to-run spreads given
+        as `shares` (k,) of their usual values, and its gradient (k,).
 
         `shares` are the spreads of the quantities `active` over the usual ones, the
         gradient is in their logarithms; the other quantities do not scatter.
@@ -173,8 +174,8 @@ class Likelihood(NamedTuple):
         return loss, np.bincount(owner, slope, len(active)) + shares**2
 
     def errors(self, active: Sequence[int], shares: Array) -> Array:
-        """Standard errors (k,) of the logarithms of `shares` (k,), by the curvature of
-        the loss.
+        """Standard errors (k,) of the logarithms of the spreads' `shares` (k,), from
+        the curvature of the loss.
         """
 
         def at(logs: Array) -> float:
@@ -223,8 +224,8 @@ def _equations(
 
 
 class SpreadFit(NamedTuple):
-    """Most likely spreads of the quantities `active`, as `shares` (k,) of their prior
-    spreads.
+    """Most likely run-to-run spreads of the quantities numbered `active`, as `shares`
+    (k,) of their prior spreads.
     """
 
     likelihood: Likelihood
@@ -234,8 +235,8 @@ class SpreadFit(NamedTuple):
 
     @classmethod
     def of(cls, likelihood: Likelihood, active: Sequence[int], start: Array) -> Self:
-        """Fit shares (k,) of the prior spreads of quantities `active`, from `start`
-        (k,).
+        """Find the most likely spreads of the quantities numbered `active`, as shares
+        (k,) of their priors, from `start` (k,).
         """
         if not active:
             return cls(
@@ -259,8 +260,8 @@ class SpreadFit(NamedTuple):
         )
 
     def mean_share(self, i: int, *, common: bool) -> float:
-        """Posterior mean of the share of quantity `i`, at the others' most likely
-        shares.
+        """Posterior mean of the spread of quantity number `i`, as a share of its prior,
+        at the others' most likely spreads.
 
         With few runs the likelihood of a spread has a long tail to large values, so
         that its peak is mostly too small. For a `common` quantity the mean allows for
@@ -280,8 +281,8 @@ class SpreadFit(NamedTuple):
         return mean * (odds / (1.0 + odds))
 
     def _bayes_factor(self, i: int, losses: Array) -> float:
-        """Bayes factor of scatter of active quantity `i` by its `losses` (41,) on
-        SPREAD_GRID.
+        """Bayes factor for scatter of the active quantity `i` against none, from its
+        `losses` (41,) on SPREAD_GRID.
         """
         others = [k for j, k in enumerate(self.active) if j != i]
         none, _ = self.likelihood.loss(np.delete(self.shares, i), others)
@@ -292,7 +293,7 @@ class SpreadFit(NamedTuple):
 
 
 def _add_uncommon(fit: SpreadFit, count: int) -> SpreadFit:
-    """Add quantities to `fit`, of `count` in all, whose scatter raises the
+    """Add to `fit`, one by one, those of `count` quantities whose scatter raises the
     likelihood.
     """
     while len(active := fit.active) < count:
@@ -317,8 +318,8 @@ def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> boo
 
 
 def with_spreads(runs: Sequence[FitRun], spreads: Sequence[Spread]) -> list[FitRun]:
-    """Copies of `runs` with `spreads` as priors of random unknowns; others are
-    removed.
+    """Copies of `runs` with `spreads` as priors of their random unknowns; random
+    unknowns without a spread are removed.
     """
     by_name = {spread.name: spread.value for spread in spreads}
     found = []
@@ -352,8 +353,8 @@ def with_unknowns(
 def estimate_spreads(
     simulate: Simulate, estimate: FitEstimate, complete: Sequence[FitRun]
 ) -> tuple[Spread, ...]:
-    """REML spreads of all random unknowns of the runs `complete`, by a refit of
-    `estimate`.
+    """Run-to-run spreads (REML) of all random unknowns of the runs `complete`, from a
+    refit of `estimate`.
 
     The estimate may hold some of the unknowns only: it is refitted with all of them
     first, so that its residuals are noise.
@@ -366,8 +367,8 @@ def estimate_spreads(
 
 
 def covariance(estimate: FitEstimate, inefficiency: float) -> Array:
-    """Covariance (k, k) of all k unknowns of a fit; `inefficiency` samples count as
-    one.
+    """Covariance (k, k) of all k unknowns of a fit, where `inefficiency` correlated
+    samples count as one independent sample.
     """
     inverse = normal_equations.covariance(estimate.normal().curvature)
     errors = _common_error_responses(estimate)
@@ -380,8 +381,8 @@ def covariance(estimate: FitEstimate, inefficiency: float) -> Array:
 
 
 def _common_error_responses(estimate: FitEstimate) -> Array:
-    """Whitened residuals (N, k) caused by one standard deviation of each common
-    error.
+    """Whitened residuals (samples, k) that one standard deviation of each of k errors
+    common to all runs causes.
     """
     names = list(dict.fromkeys(name for run in estimate.runs for name in run.common))
     parts = []
@@ -396,7 +397,7 @@ def degrees_of_freedom(
     estimate: FitEstimate, inefficiency: float, scatter: Sequence[Spread]
 ) -> Array:
     """Degrees of freedom (k,) of the variances of the k unknowns of a fit, for
-    Student's t.
+    Student's t distribution.
 
     2 V^2 / var V, where var V follows from the errors of the logarithms of the spreads
     `scatter` (Satterthwaite 1946, An approximate distribution of estimates of variance
@@ -417,7 +418,9 @@ def degrees_of_freedom(
 def _variance(
     estimate: FitEstimate, inefficiency: float, factors: dict[str, float]
 ) -> Array:
-    """Variance (k,) of all k unknowns, with spreads multiplied by `factors` by name."""
+    """Variance (k,) of all k unknowns of a fit, with run-to-run spreads multiplied by
+    `factors` by name.
+    """
 
     def with_factor(p: Parameter) -> Parameter:
         return replace(p, spread=p.spread * factors.get(p.name, 1.0)) if p.random else p

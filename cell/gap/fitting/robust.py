@@ -38,8 +38,8 @@ def bounded_loss(r: Array) -> Array:
 
 
 def bound(r: Array, scale: float = 1.0) -> Array:
-    """Residuals (n,) clipped at OFF_TRACK times `scale`, which bounds the weight of
-    outliers.
+    """Residuals (n,) clipped at OFF_TRACK times `scale`, so that outliers weigh no
+    more.
     """
     return np.clip(r, -OFF_TRACK * scale, OFF_TRACK * scale)
 
@@ -77,8 +77,8 @@ def inefficiency(runs: Sequence[FitRun], residuals: Sequence[Array]) -> float:
 
 
 def long_run_variance(runs: Sequence[FitRun], residuals: Sequence[Array]) -> float:
-    """Long-run variance of residuals (n,), the variance of their sum over n, per
-    scale^2.
+    """Long-run variance of residuals (n,) in units of their scale squared: the variance
+    of their sum over n.
     """
     s = scale(np.concatenate(residuals)) if residuals else 1.0
     clipped = [np.clip(r, -HUBER_THRESHOLD * s, HUBER_THRESHOLD * s) for r in residuals]
@@ -109,7 +109,9 @@ def correlation(runs: Sequence[FitRun], residuals: Sequence[Array]) -> float:
 def _autocovariance(
     runs: Sequence[FitRun], residuals: Sequence[Array], lags: int = 40
 ) -> tuple[float, Array]:
-    """Sums of squares and of lagged products (lags,) over all series of all runs."""
+    """Sums of squares, and of products at each lag (lags,), of the residuals of all
+    series of all runs.
+    """
     power = 0.0
     products = np.zeros(lags)
     for run, r in zip(runs, residuals, strict=True):

@@ -302,7 +302,9 @@ class RerunWriter:
         self._is_modelled = len(shape) > 0
 
     def _clear_measurement(self, tick: TickView) -> None:
-        """Clear what a measurement shows, once it is too old to be true."""
+        """Remove the drawn strip from the recording once its last measurement is too
+        old to be true.
+        """
         if math.isfinite(self._seen_at):
             self._seen_at = -math.inf
             self._clear(tick, OF_STRIP)
