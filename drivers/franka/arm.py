@@ -64,8 +64,8 @@ class FciArm:
         self._joints = joint_rows(b"")
 
     def connect(self) -> None:
-        """Connect to the arm and hold it at rest; allowed twice, raises Fault once
-        closed.
+        """Connect to the arm and hold it at rest; may be called again, raises Fault
+        once closed.
         """
         self.hold()
         self._connected = True
@@ -90,14 +90,14 @@ class FciArm:
         self._start_time = self._clock.now()
 
     def join(self) -> None:
-        """Hold the arm and, in lock-step, advance its robot and hand to the clock's
-        time.
+        """Hold the arm; in lock-step also advance its robot and hand to the time of the
+        cell's clock.
         """
         self.hold()
         self.catch_up()
 
     def state(self) -> ArmState:
-        """The newest measured state of the arm."""
+        """Newest measured state of the arm."""
         self._advance_and_beat()
         report = self._report()
         # the last command has yet to be taken
@@ -139,8 +139,8 @@ class FciArm:
             self._send(CommandKind.HOLD, 0.0, 0.0, 0.0)
 
     def close(self) -> None:
-        """Brake the arm to rest and disconnect from it; allowed twice and after a
-        fault.
+        """Brake the arm to rest and disconnect from it; may be called again, and after
+        a fault.
         """
         child = None if self._closed else self._child
         self._closed = True
@@ -152,8 +152,8 @@ class FciArm:
         child.close(END_PATIENCE)
 
     def catch_up(self) -> tuple[float, Pose] | None:
-        """Advance the arm to the clock's time; returns stamp [s] and pose, None if
-        unconnected.
+        """Advance the arm to the time of the cell's clock; returns the stamp [s] and
+        pose of its newest state, None if unconnected.
         """
         if self._child is None or self._closed:
             return None
@@ -170,15 +170,17 @@ class FciArm:
 
     @property
     def joints(self) -> Array:
-        """Joint log (n, 29), a row for each tick: time [s], then joints; empty until
-        closed.
+        """Joint log (n, 29) with a row for each of n ticks: time [s], then four
+        quantities of the seven joints; empty until closed.
         """
         rows = np.array(self._joints)
         rows[:, 0] += self._start_time if self._lock_step else 0.0
         return frozen(rows)
 
     def _end_loop(self, child: Child) -> None:
-        """Let the loop brake the arm to rest, and receive its timing and joint log."""
+        """Let the control loop brake the arm to rest, and receive its timing and joint
+        log.
+        """
         child.send(Close())
         while not isinstance(answer := self._receive(child, END_PATIENCE), Ended):
             continue

@@ -60,8 +60,8 @@ def read_description(address: str) -> str | None:
 
 
 def joint_limits(settings: FciSettings) -> JointLimits:
-    """Joint limits by which a cell plans: those that its robot describes, or published
-    ones.
+    """Joint limits for planning motions: those that the cell's robot describes, or the
+    published ones without an answer.
 
     The latter where the cell has no robot, or none that answers now: one is held to
     them when it connects. Raises ArmFault for another arm than a Franka Research 3.

@@ -22,7 +22,8 @@ SMOOTHING = 0.5  # s over which the force is averaged
 
 
 class OwnTorques:
-    """Share of what holds and moves an arm in its estimate of external torques.
+    """Fraction of the torques that hold and move an arm which wrongly appears in its
+    estimate of external torques.
 
     A wrong model of the masses leaves a part of it in the estimate, and some robots
     report all of it: the same share of its weight, which is found at rest, and of its
@@ -30,8 +31,8 @@ class OwnTorques:
     """
 
     def __init__(self, model: ArmModel, joints: Sequence[float], felt: Array) -> None:
-        """Find the share in the torques `felt` (7,) [N m] at rest at `joints` (7,)
-        [rad].
+        """Find the fraction from the external torques `felt` (7,) [N m] estimated at
+        rest at `joints` (7,) [rad].
         """
         self._model = model
         self._start = model.torques(joints)
@@ -68,8 +69,8 @@ class Tare:
     def from_states(
         cls, states: Sequence[Any], allowed: float, model: ArmModel | None = None
     ) -> Self:
-        """Tare from robot `states` at rest; ArmFault for a force above `allowed` [N] or
-        NaN.
+        """Tare from robot `states` at rest without contact; ArmFault for a force above
+        `allowed` [N] or NaN.
 
         With a `model` of the arm, the share of its own torques in it is found, too.
         """
@@ -86,15 +87,17 @@ class Tare:
         return cls(tuple(wrench.tolist()), tuple(torques.tolist()), own)
 
     def torques_in(self, state: Any) -> Array:
-        """Torques (7,) [N m] that are estimated without contact in `state`."""
+        """Torques (7,) [N m] that the robot would estimate in its `state` without any
+        contact.
+        """
         torques = np.array(self.torques)
         return torques if self.own is None else torques + self.own.change(state)
 
 
 @dataclass(slots=True)
 class ForceGuard:
-    """Limits on external `force` [N] on the gripper and `torque` [N m] at a joint, less
-    `tare`.
+    """Limits on the external `force` [N] on the gripper and `torque` [N m] at each
+    joint, after subtracting the `tare`.
 
     Torques are smoothed over some states, in which a controller may let them alternate.
     """
@@ -141,8 +144,8 @@ class DriftMonitor:
     """
 
     def __init__(self, guard: ForceGuard, allowed: float, tick: float) -> None:
-        """Allow a mean force of `allowed` [N] less `guard`'s tare, a state every `tick`
-        [s].
+        """Monitor with an allowed mean force of `allowed` [N] after `guard`'s tare,
+        given one state every `tick` [s].
         """
         self._guard = guard
         self._allowed = allowed

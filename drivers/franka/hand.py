@@ -40,7 +40,9 @@ Motion = tuple[HandCommand, tuple[float, ...]]  # a command with its numbers
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Reply of the hand to command `number`, at its end; `version` only for CONNECT."""
+    """Reply of the hand at the end of command `number`; it has a `version` only for
+    CONNECT.
+    """
 
     command: int
     number: int
@@ -50,8 +52,8 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class FingerState:
-    """State `number` of the hand: finger `width` and `widest` [m], and its flag
-    `grasped`.
+    """State number `number` that the hand sends: opening `width` and its maximum
+    `widest` [m], and the flag `grasped`.
     """
 
     number: int
@@ -175,7 +177,7 @@ class FciHand:
         )
 
     def close(self) -> None:
-        """Disconnect from the hand; allowed twice."""
+        """Disconnect from the hand; may be called again."""
         for link in self._links or ():
             link.close()
         self._links = self._motion = self._stop_sent = None

@@ -93,8 +93,8 @@ def solve(
 
 
 def twist_between(start: Array, end: Array) -> Array:
-    """Displacement (6,) in the base that takes pose `start` (4, 4) to `end`: [m], then
-    [rad].
+    """Displacement (6,) from pose `start` (4, 4) to `end` (4, 4) in the robot's base:
+    translation [m], then rotation [rad].
     """
     turn = rotation_vector(end[:3, :3] @ start[:3, :3].T)
     return np.concatenate([end[:3, 3] - start[:3, 3], turn])
@@ -134,8 +134,8 @@ def track(
 
 
 def joint_rates(jac: Array, twist: Array) -> Array:
-    """Joint rates (7,) [rad/s] for `twist` (7,), tool then elbow; `jac` (6, 7) is the
-    tool's.
+    """Joint rates (7,) [rad/s] for `twist` (7,): of the tool (6), then of the elbow;
+    `jac` (6, 7) is the tool's Jacobian.
     """
     with_elbow = np.zeros((7, 7))
     with_elbow[:6] = jac
@@ -209,8 +209,8 @@ def manipulability(jac: Array) -> float:
 
 
 def _descend(pose: Array, start: Array, tool: Array, limits: JointLimits) -> Attempt:
-    """Damped least-squares search for joints from `start` (7,) [rad], drawn to
-    mid-range.
+    """Search for joints that bring the tool to `pose`, from `start` (7,) [rad] by
+    damped least squares, drawn to mid-range.
     """
     joints = np.array(start, dtype=np.float64)
     for _ in range(ITERATIONS):
@@ -235,8 +235,8 @@ def _descend(pose: Array, start: Array, tool: Array, limits: JointLimits) -> Att
 
 
 def _step(jac: Array, error: Array, posture: Array, size: float) -> Array:
-    """Step (7,) [rad] that reduces the pose `error` (6,), and `posture` (7,) in the
-    null space.
+    """Joint step (7,) [rad] that reduces the pose `error` (6,), and moves towards
+    `posture` (7,) in the null space.
     """
     inverse = _damped_inverse(
         jac, min(DAMPING_GAIN * size, LARGEST_DAMPING) + LEAST_DAMPING

@@ -47,8 +47,8 @@ Numbers = list[float]
 
 
 class JointSetpoint(NamedTuple):
-    """Commanded angle (7,) [rad], rate [rad/s] and acceleration [rad/s^2] of joints in
-    a tick.
+    """Commanded angles (7,) [rad], rates (7,) [rad/s] and accelerations (7,) [rad/s^2]
+    of the joints in one tick.
     """
 
     position: Array
@@ -71,7 +71,9 @@ class JointSetpoint(NamedTuple):
         return JointSetpoint(position, rate, acceleration)
 
     def after(self, ticks: int) -> "JointSetpoint":
-        """Setpoint `ticks` later of a robot without a command, at its acceleration."""
+        """Setpoint that a robot without a command reaches `ticks` later by keeping its
+        acceleration.
+        """
         acceleration = self.acceleration
         time = ticks * TICK
         rate = self.rate + time * acceleration
@@ -79,8 +81,8 @@ class JointSetpoint(NamedTuple):
         return JointSetpoint(self.position + time * mean, rate, acceleration)
 
     def moved_to(self, joints: Numbers, ticks: int) -> "JointSetpoint":
-        """Setpoint found at `joints` (7,) [rad] where this one was expected after
-        `ticks` ticks.
+        """Setpoint corrected for a robot found at `joints` (7,) [rad] where this one
+        was expected after `ticks` ticks.
 
         The difference is of rate and acceleration at their beginning, each by its usual
         error (a Kalman filter's update).
@@ -109,7 +111,9 @@ class SentCommand(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """Setpoint of a robot that received `sent` last, `off` [rad] from where it is."""
+    """Setpoint of a robot if the command `sent` was the last that it received, and its
+    distance `off` [rad] from where it is.
+    """
 
     off: float
     sent: SentCommand
@@ -117,7 +121,8 @@ class Explanation(NamedTuple):
 
 
 class RateLimits(NamedTuple):
-    """Limits on changes of a joint's rate: acceleration [rad/s^2] and jerk [rad/s^3].
+    """Limits on how a joint's rate changes: acceleration [rad/s^2] and jerk
+    [rad/s^3].
 
     `gain` [1/s] is from an error of the rate to the acceleration, stable where commands
     are lost for 15 ms; without losses a stop may have more.
@@ -154,8 +159,8 @@ class CommandedJoints:
         self._sent: deque[SentCommand] = deque(maxlen=UNDER_WAY)
 
     def go_on(self, acceleration: Array, limits: RateLimits) -> Numbers:
-        """Joints (7,) [rad] that answer the last state, at an `acceleration` (7,)
-        [rad/s^2].
+        """Next joint command (7,) [rad], which answers the last state and continues
+        with `acceleration` (7,) [rad/s^2].
 
         It is reduced to the `limits`, and so is its change, in the mean over the ticks
         in which the robot got no command.
@@ -169,7 +174,7 @@ class CommandedJoints:
         return joints
 
     def again(self) -> Numbers:
-        """The last command (7,) [rad] again, for a robot that `stands`."""
+        """The last joint command (7,) [rad] again, for a robot that stands still."""
         joints: Numbers = self._sent[-1].setpoint.position.tolist()
         self._send(joints)
         return joints
@@ -180,8 +185,8 @@ class CommandedJoints:
         self._sent.append(SentCommand(self.seconds + TICK, setpoint))
 
     def update(self, state: Any) -> bool:
-        """Find the setpoint in the robot's `state`; whether it is where the last
-        command told it to be, in time.
+        """Find the setpoint that the robot's `state` shows; returns whether it is where
+        the last command told it to be, in time.
         """
         sent = self._sent
         before = SentCommand(self.seconds, self.setpoint)
@@ -198,8 +203,8 @@ class CommandedJoints:
         return in_time and _distance(state, last.setpoint) < ROUNDING
 
     def _find(self, state: Any, before: SentCommand) -> None:
-        """Set the setpoint of a robot in `state` that was at `before` at the last
-        one.
+        """Set the setpoint for a robot in `state` that followed the command `before` at
+        the previous state.
         """
         sent = self._sent
         found = self._nearest(state, (before, *sent), holds=self.holds)
@@ -223,7 +228,9 @@ class CommandedJoints:
     def _nearest(
         self, state: Any, known: Sequence[SentCommand], *, holds: bool
     ) -> Explanation:
-        """The best explanation of where the robot's `state` is by commands `known`."""
+        """Best explanation of the position in the robot's `state` by one of the
+        commands `known`.
+        """
         ways = []
         for sent in known:
             ticks = 0 if holds else max(self._ticks_since(sent), 0)
@@ -233,7 +240,7 @@ class CommandedJoints:
         return min(ways, key=lambda way: way.off)
 
     def _ticks_since(self, sent: SentCommand) -> int:
-        """Ticks from where `sent` was due until the last state."""
+        """Number of ticks from when the command `sent` was due until the last state."""
         return round((self.seconds - sent.due) / TICK)
 
 
@@ -258,7 +265,7 @@ class JointMotion:
 
     @property
     def joints(self) -> Numbers:
-        """Joints (7,) [rad] at which the robot was last found."""
+        """Joint angles (7,) [rad] at which the robot was last found."""
         found: Numbers = self._commanded.setpoint.position.tolist()
         return found
 
@@ -286,7 +293,7 @@ class JointMotion:
         self._missed |= not self._commanded.update(state)
 
     def brake(self, limits: RateLimits = GENTLE) -> None:
-        """From now on brake to rest, wherever that is, within `limits`."""
+        """Brake to rest from now on, wherever that is, within `limits`."""
         self._goal = None
         self._limits = limits
 
@@ -360,7 +367,9 @@ class HandMotion:
 
     @property
     def ticks_due(self) -> int:
-        """Ticks of the path to the pose to prepare; 0 where one is prepared."""
+        """Number of ticks of the path until the pose that is to be prepared; 0 where
+        one is prepared.
+        """
         return 0 if self._prepared else 1 + self._lost
 
     @property
@@ -376,8 +385,8 @@ class HandMotion:
         return bool(np.abs(self._commanded.setpoint.rate).max() < REST_RATE)
 
     def prepare(self, pose: Array) -> None:
-        """Prepare the joints with the hand at `pose` (4, 4), `ticks_due` after the last
-        one.
+        """Compute the joints with the hand at `pose` (4, 4), which the path reaches
+        `ticks_due` ticks after the last one.
         """
         ticks = self.ticks_due
         near = self._aim.after(ticks).position
@@ -388,8 +397,8 @@ class HandMotion:
         self._prepared, self._lost = True, 0
 
     def tick(self) -> Numbers:
-        """Next setpoint (7,) [rad]; what was prepared stays where the last one is sent
-        again.
+        """Next joint setpoint (7,) [rad]; the prepared one is kept where the last is
+        sent again.
         """
         commanded = self._commanded
         if commanded.stands:
@@ -404,7 +413,9 @@ class HandMotion:
         return commanded.go_on(change, ALLOWED)
 
     def rest(self) -> Numbers:
-        """Setpoint (7,) [rad] at which the robot is found, to stay or to end there."""
+        """Joint setpoint (7,) [rad] at which the robot is found, to stay there or end
+        the motion.
+        """
         joints: Numbers = self._commanded.setpoint.position.tolist()
         return joints
 
@@ -429,14 +440,14 @@ def _largest_difference(
 
 
 def _distance(state: Any, setpoint: JointSetpoint) -> float:
-    """Distance [rad] of the robot's `state` from `setpoint`, which a state would
-    round.
+    """Largest difference [rad] of the robot's joints in `state` from those of
+    `setpoint`.
     """
     rounded = np.float32(setpoint.position)
     return float(np.abs(np.subtract(state.q_d, rounded)).max())
 
 
 def _clip(values: Array, limit: float) -> Array:
-    """`values` (7,), in proportion, so that none is beyond `limit`."""
+    """`values` (7,), all scaled by one factor so that none is beyond `limit`."""
     largest = float(np.abs(values).max())
     return values if largest <= limit else limit / largest * values

@@ -37,8 +37,8 @@ _COS_ALPHA, _SIN_ALPHA = np.cos(PARAMETERS[:, 2]), np.sin(PARAMETERS[:, 2])
 
 
 def _fixed_parts() -> tuple[Array, Array, Array]:
-    """Matrices A, B, C (7, 4, 4) [m] of the joints' transforms cos(q) A + sin(q) B
-    + C.
+    """Matrices A, B, C (7, 4, 4) [m] of the joint transforms, which at joint angle q
+    are cos(q) A + sin(q) B + C.
     """
     cosine, sine, fixed = np.zeros((3, 7, 4, 4))
     cosine[:, 0, 0] = 1
@@ -60,8 +60,8 @@ _COSINE, _SINE, _FIXED = _fixed_parts()
 
 
 def offset_in_frame(joint: int) -> tuple[float, float]:
-    """Offset d of joint number `joint` (from 0) as (y, z) [m] in the frame before this
-    joint.
+    """Denavit-Hartenberg offset d of joint number `joint` (from 0) as (y, z) [m] in the
+    frame before this joint.
     """
     _, d, alpha = PARAMETERS[joint].tolist()
     if alpha == 0:

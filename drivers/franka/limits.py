@@ -84,22 +84,22 @@ class JointLimits:
 
     @cached_property
     def low(self) -> Array:
-        """Lower ends (7,) [rad]."""
+        """Lower ends (7,) [rad] of the joints' ranges."""
         return frozen(self.lower)
 
     @cached_property
     def high(self) -> Array:
-        """Upper ends (7,) [rad]."""
+        """Upper ends (7,) [rad] of the joints' ranges."""
         return frozen(self.upper)
 
     @property
     def ends(self) -> tuple[Array, Array]:
-        """Lower and upper ends, (7,) [rad] each."""
+        """Lower and upper ends of the joints' ranges, (7,) [rad] each."""
         return self.low, self.high
 
     @cached_property
     def middle(self) -> Array:
-        """Joints (7,) [rad] in the middle between their ends."""
+        """Joint angles (7,) [rad] in the middle of the joints' ranges."""
         return frozen((self.low + self.high) / 2)
 
     def margins(self, q: Array) -> Array:
@@ -119,8 +119,8 @@ class JointLimits:
         return -self._braking_speed(q - self.low), self._braking_speed(self.high - q)
 
     def _braking_speed(self, room: Array) -> Array:
-        """Speed (..., 7) [rad/s] from which a joint can brake within `room` (..., 7)
-        [rad].
+        """Speeds (..., 7) [rad/s] from which the joints can brake within angles `room`
+        (..., 7) [rad].
         """
         braking = np.sqrt(2 * frozen(self.deceleration) * np.maximum(room, 0))
         speed = np.maximum(braking - self.offset, 0)
@@ -178,8 +178,8 @@ def _named_joints(
 def _attribute(
     joints: dict[int, ElementTree.Element], number: int, tag: str, name: str
 ) -> float:
-    """Number in the attribute `name` of the element `tag` of a joint; ArmFault without
-    one.
+    """Number in the attribute `name` of the element `tag` of joint `number` in a URDF;
+    ArmFault without one.
     """
     joint = joints.get(number)
     element = None if joint is None else joint.find(tag)

@@ -47,8 +47,8 @@ CALM_SPEED, CALM_RATE = 1e-3, 5e-3  # m/s and rad/s below which the arm rests
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """Answer of the loop's process: the loop has started, or run all ticks that it may
-    run.
+    """Answer of the control loop's process: it has started, or has run all ticks that
+    it was allowed.
     """
 
 
@@ -177,7 +177,7 @@ class ServoLoop:
             self._check_ahead()
 
     def end(self) -> None:
-        """Brake the arm to rest and end the motion; later commands are ignored.
+        """Brake the arm to rest and end its motion; later commands are ignored.
 
         A robot that loses so many commands that it does not come to rest within
         BRAKING_TICKS is left to its own stop.
@@ -349,7 +349,8 @@ def _warm_up(installation: Installation) -> None:
 
 
 def _hand_at(joints: Sequence[float]) -> list[float]:
-    """Hand pose in the base, a column-major 4x4 matrix (16,), at `joints` (7,) [rad].
+    """Hand pose in the robot's base, a column-major 4x4 matrix (16,), at `joints` (7,)
+    [rad].
 
     Commanded and measured poses by one kinematics: what a robot states as its hand's
     pose may be another (franky-sim 1.0.4 reports the commanded one as measured).

@@ -125,8 +125,8 @@ class Mailbox(SharedMemory, Generic[V]):
 
 
 class CommandInbox:
-    """Reader of the cell's commands, each taken once, and of the time since its last
-    heartbeat.
+    """Reader of the cell's commands, which takes each once and measures the time since
+    the cell's last heartbeat.
 
     `number` is that of the last command taken.
     """
@@ -138,7 +138,7 @@ class CommandInbox:
         self._heard_at = 0.0  # its robot time [s]
 
     def take(self, time: float) -> LoopCommand | None:
-        """Newest command by robot `time` [s]; None where that command was taken
+        """Newest command of the cell at robot `time` [s]; None where it was taken
         before.
         """
         command = self._commands.read()
@@ -151,7 +151,7 @@ class CommandInbox:
         return command
 
     def silence(self, time: float) -> float:
-        """Time [s] until robot `time` [s] without a heartbeat of the cell; 0 before the
-        first.
+        """Time [s] without a heartbeat of the cell at robot `time` [s]; 0 before the
+        first heartbeat.
         """
         return time - self._heard_at if self._beat else 0.0

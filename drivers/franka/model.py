@@ -136,8 +136,8 @@ def arm_mjcf() -> str:
 
 
 def _open_link(i: int) -> str:
-    """Opening tags of link `i`, counted from 0, with its inertia and joint; the next
-    link nests.
+    """MJCF opening tags of link `i`, counted from 0, with its inertia and joint; the
+    next link nests in it.
     """
     a, _, alpha = PARAMETERS[i]
     across, along = offset_in_frame(i)

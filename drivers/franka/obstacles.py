@@ -43,7 +43,9 @@ SIDE_POINTS = 33  # points of a part's outline that are checked against the desk
 
 
 def _points_of(outline: Array) -> Array:
-    """Points (SIDE_POINTS, 2) [m] along the closed `outline` (m, 2) of a part."""
+    """Points (SIDE_POINTS, 2) [m] along the closed `outline` (m, 2) of a part of the
+    hand.
+    """
     return frozen(even_points(np.vstack([outline, outline[:1]]), SIDE_POINTS))
 
 
@@ -113,7 +115,7 @@ def solids_of(installation: Installation) -> Solids:
 
 
 def floor_of(installation: Installation) -> Solids:
-    """Box of the floor alone, placed likewise."""
+    """Box of the floor alone, placed in the robot's base by the cell's mounting."""
     *_, floor = boxes(desk_end(installation))
     return Solids(installation.mounting.transform().matrix, [floor])
 
@@ -144,8 +146,8 @@ def clear_path(
 def _detours(
     start: Array, goal: Array, up: Array, limits: JointLimits
 ) -> Iterator[list[Array]]:
-    """Yield detours between start and goal, shortest first, as joint waypoints (7,)
-    [rad].
+    """Yield detours of the arm between the joints `start` and `goal`, shortest first,
+    as joint waypoints (7,) [rad].
     """
     ascents = [_joints_above(start, up, rise, limits) for rise in RISES]
     descents = [_joints_above(goal, up, rise, limits)[::-1] for rise in RISES]
@@ -163,8 +165,8 @@ def _detours(
 def _joints_above(
     joints: Array, up: Array, rise: float, limits: JointLimits
 ) -> list[Array]:
-    """Joints (7,) [rad] at each LEG_RISE straight `up` (3,) to `rise` [m], as far as in
-    reach.
+    """Joints (7,) [rad] at every LEG_RISE metres straight along `up` (3,) until `rise`
+    [m], as far as the arm reaches.
     """
     points = []
     steps = islice(straight(joints, PATH_STEP * up), round(rise / PATH_STEP))

@@ -45,15 +45,17 @@ class StripPlane:
         self._hand_offset = np.eye(4) if offset is None else offset
 
     def with_offset_of(self, pose: Numbers) -> "StripPlane":
-        """Copy whose poses all have the offset from the plane of the hand at `pose`
-        (16,).
+        """Copy of the plane's transform whose hand poses all keep the offset that the
+        hand at `pose` (16,) has from the plane.
         """
         return StripPlane(
             self._cell_in_robot, turned=self.turned, offset=self._offset(pose)
         )
 
     def command(self, x: float, z: float, pitch: float) -> Array:
-        """Hand pose (4, 4) in the base for x, z [m], pitch [rad], with the offset."""
+        """Hand pose (4, 4) in the robot's base for a gripper at x, z [m] and pitch
+        [rad], with the hand's offset.
+        """
         return self.matrix(x, z, pitch) @ self._hand_offset
 
     def matrix(self, x: float, z: float, pitch: float) -> Array:
@@ -63,7 +65,7 @@ class StripPlane:
         return self._cell_in_robot.to_robot(x, z, pitch, turned=self.turned)
 
     def to_cell(self, pose: Numbers) -> Triple:
-        """x, z [m] of the held edge and pitch [rad] in the cell, of a hand pose in the
+        """Gripper's x, z [m] and pitch [rad] in the cell for a hand pose in the robot's
         base, column-major (16,).
         """
         x, _, z = self.position_in_cell(pose)
@@ -81,7 +83,7 @@ class StripPlane:
 
     def aside(self, pose: Numbers) -> tuple[float, float]:
         """Distance [m] and angle [rad] of a hand pose (16,) from its projection into
-        the plane.
+        the strip's plane.
         """
         off = self._offset(pose)
         angle = float(np.arccos(np.clip((np.trace(off[:3, :3]) - 1) / 2, -1.0, 1.0)))
@@ -89,7 +91,7 @@ class StripPlane:
 
     def _offset(self, pose: Numbers) -> Array:
         """Pose (4, 4) [m] of a hand at `pose` (16,) relative to its projection into the
-        plane.
+        strip's plane.
         """
         projected = self.matrix(*self.to_cell(pose))
         return np.asarray(np.linalg.solve(projected, pose_from_columns(pose)))

@@ -71,8 +71,8 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Result of tracking a gripper path from one start posture: margin, progress and
-    problems.
+    """How well the arm follows a gripper path from one start posture: joint margin,
+    progress and problems.
 
     The hand `turned` or not, `start` joints (7,) [rad] at the first pose, smallest
     joint `margin` [rad] and its `joint`, number of poses `followed`, and the first
@@ -88,7 +88,7 @@ class Reach:
 
     @property
     def allowed(self) -> bool:
-        """Whether the arm can follow the whole path."""
+        """Whether the arm can follow the whole gripper path."""
         return not self.problems
 
 
@@ -172,8 +172,8 @@ def _postures(
 def _track_path(
     plane: StripPlane, poses: Array, times: Array, start: Array, limits: JointLimits
 ) -> Reach:
-    """Track the joints along `poses` (n, 3) from `start` (7,) [rad], up to
-    MOST_PROBLEMS.
+    """Follow gripper `poses` (n, 3) with the joints from `start` (7,) [rad], until
+    MOST_PROBLEMS have been found.
     """
     joints = start
     elbow = float(start[ELBOW_JOINT])
@@ -249,8 +249,8 @@ def _step_objection(
 
 
 def densify(path: Array, speeds: Array) -> tuple[Array, Array]:
-    """Poses (m, 3) along `path` at most POSE_STEP apart, and times (m,) [s] from pose
-    to pose.
+    """Gripper poses (m, 3) along `path` at most POSE_STEP apart, and the times (m,) [s]
+    from pose to pose.
     """
     poses = [path[:1]]
     times = [np.array([1.0])]  # s to the first pose: the arm stands there
@@ -265,8 +265,8 @@ def densify(path: Array, speeds: Array) -> tuple[Array, Array]:
 
 
 class ReachGuard:
-    """Check that joints keep limits at the pose REACTION [s] ahead and where braking
-    from it ends.
+    """Check that the arm's joints keep their limits at the pose REACTION [s] ahead, and
+    where braking from it ends.
 
     At both poses, with the elbow where the motion began, each joint must be away from
     its ends and need at most VELOCITY_SHARE of its velocity, ACCELERATION_SHARE of its
@@ -320,7 +320,8 @@ class ReachGuard:
     def _demand(
         self, rates: Array, rest_rates: Array, velocity: Array, acceleration: Array
     ) -> Array:
-        """Largest share (7,) of each joint's limits in a motion and in braking from it.
+        """Largest fraction (7,) of each joint's limits that a motion and braking from
+        it need.
 
         `rates` and `rest_rates` (7, 3) are joint rates per unit velocity of each axis:
         at the motion with `velocity` and `acceleration` (3,), and where braking from it
@@ -348,8 +349,8 @@ class ReachGuard:
         return demand
 
     def _track(self, joints: Array, pose: Array) -> tuple[Array, Array | None]:
-        """Joints (7,) [rad] at `pose` (3,), and their rates (7, 3) per velocity of each
-        axis.
+        """Joints (7,) [rad] at the gripper `pose` (3,), and their rates (7, 3) per unit
+        velocity of x, z and pitch.
 
         Searched from near `joints` (7,); the rates are None where the pose is out of
         reach.
@@ -363,7 +364,9 @@ class ReachGuard:
         return reached, joint_rates(jacobian, self._twists)
 
     def _rate_shares(self, rates: Array) -> Array:
-        """Joint `rates` (7,) [rad/s] as shares of their limits; 1 is the limit."""
+        """Joint `rates` (..., 7) [rad/s] as fractions of the greatest that the guard
+        allows.
+        """
         low, high = self._limits.velocity_bounds(self._ahead)
         return np.maximum(rates / high, rates / low) / VELOCITY_SHARE
 

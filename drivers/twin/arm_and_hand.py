@@ -99,8 +99,8 @@ class TwinArm:
         clock.every(TICK, self._tick, Rank.SERVO)
 
     def connect(self) -> None:
-        """Connect to the arm and hold it at rest; allowed twice, raises Fault once
-        closed.
+        """Connect to the arm and hold it at rest; may be called again, raises Fault
+        once closed.
         """
         self._require_open()
         self._connected = True
@@ -140,7 +140,7 @@ class TwinArm:
         self._profile.stop()
 
     def close(self) -> None:
-        """Brake the arm and disconnect; allowed twice. The servo finishes braking
+        """Brake the arm and disconnect; may be called again. The servo finishes braking
         afterwards.
         """
         self._profile.stop()
@@ -165,8 +165,8 @@ class TwinArm:
         self._world.add_pose(arrives, partial(self._in_cell, self._position))
 
     def _in_cell(self, position: list[float]) -> Pose:
-        """Pose at `position` (x, z, pitch), after conversion to the robot's base and
-        back.
+        """Gripper pose at `position` (x [m], z [m], pitch [rad]), after conversion to
+        the robot's base and back.
         """
         return Pose(
             *self._cell_in_robot.to_cell(self._cell_in_robot.to_robot(*position))
@@ -184,7 +184,7 @@ class TwinArm:
         self._velocity = [move / TICK for move in step]
 
     def _report(self) -> list[float]:
-        """Pose and velocity (6,) that the arm reports now, from `delay` [s] ago."""
+        """Pose and velocity (6,) that the arm reports now: those of `delay` [s] ago."""
         ticks = max(self._delay, 0.0) / TICK
         full_ticks = int(ticks)
         share = ticks - full_ticks

@@ -52,7 +52,8 @@ def board_frame(
     seed: int,
     sequence: int,
 ) -> Frame:
-    """Render the camera's image of `board` at rest at `pose` (4, 4) in the cell frame.
+    """Render the camera's image of `board` at rest at `pose` (4, 4) in the
+    cell frame.
 
     Noise depends on `seed` and `sequence`. Raises ConfigurationError for a board that
     is behind the camera.
@@ -112,8 +113,8 @@ def _draw_board(
 
 
 def _samples(first: int, end: int) -> Pixels:
-    """Coordinates [px] of the samples in the pixels from number `first` to before
-    `end`.
+    """Pixel coordinates of the sampling points within the pixels from number `first` to
+    before `end`.
     """
     counts = np.arange((end - first) * SAMPLES_PER_PIXEL)
     return ((counts + 0.5) / SAMPLES_PER_PIXEL - 0.5 + first).astype(np.float32)
@@ -122,8 +123,8 @@ def _samples(first: int, end: int) -> Pixels:
 def _on_board(
     optics: Optics, pose: Array, u: Pixels, v: Pixels
 ) -> tuple[Pixels, Pixels]:
-    """Points x, y (h, w) [m] from the board's centre, met by rays through the pixels
-    `u`, `v` (h, w).
+    """Points x, y (h, w) [m] of the board, from its centre, that rays through the
+    pixels `u`, `v` (h, w) meet.
     """
     turn = pose[:3, :3]
     directions = np.stack(optics.rays(u, v), axis=-1) @ turn.astype(np.float32)
@@ -153,7 +154,7 @@ def _sample_print(
 
 
 def _average(samples: NDArray[np.generic]) -> Pixels:
-    """Means (h, w) over the pixels of their `samples`."""
+    """Means (h, w) over the sampling points within each pixel."""
     height, width = (side // SAMPLES_PER_PIXEL for side in samples.shape)
     values = samples.astype(np.float32)
     means: Pixels = cv2.resize(values, (width, height), interpolation=cv2.INTER_AREA)

@@ -25,7 +25,8 @@ ScenesOverTime = Callable[[float], WorldState]
 
 
 class TwinCamera:
-    """Simulated camera, which renders the scenes of its `view`.
+    """Simulated camera, which renders the scenes that its `view` gives for
+    each time.
 
     Frame k is exposed about k / rate, its stamp, and delivered `transport_delay` later,
     but for a share `lost` of the frames, chosen by `seed`. Only frames that are read
@@ -124,8 +125,8 @@ class TwinCamera:
         )
 
     def _exposure(self, middle: float) -> list[WorldState]:
-        """Scenes at the middles of equal parts of the exposure around `middle` [s],
-        from 0 s on.
+        """Scenes at several times during the exposure whose middle is at `middle` [s];
+        none before 0 s.
         """
         sub_shapes = self._settings.sub_shapes
         offsets = (np.arange(sub_shapes) + 0.5) / sub_shapes - 0.5
@@ -148,8 +149,8 @@ def displaced_optics(
 
 
 class PacedCamera:
-    """Wrapper of a simulated camera that renders a frame in one control tick, for the
-    next one.
+    """Wrapper of a simulated camera that renders a frame in one control tick and
+    delivers it in the next.
 
     To render a frame and to measure the strip in it within one tick of the control loop
     would take twice as long as either. The stamp still is the time of the exposure.

@@ -43,12 +43,14 @@ class TimedCall:
     cancelled: bool = False
 
     def cancel(self) -> None:
-        """Remove the scheduled call; allowed twice and from within the action."""
+        """Remove the scheduled call; may be called again, and from within
+        the action.
+        """
         self.cancelled = True
 
     def due(self) -> int:
-        """Time [ns] of the next call: start plus `count` periods, so that it cannot
-        drift.
+        """Time [ns] of the next call: the start plus a whole number of periods, so that
+        it cannot drift.
         """
         return nanoseconds(self.start + self.count * (self.period or 0.0))
 
@@ -73,8 +75,8 @@ class TwinClock:
         return self._now / NANOSECONDS
 
     def every(self, period: float, action: Action, rank: Rank) -> TimedCall:
-        """Schedule `action(now)` every `period` [s] from now on, at least a
-        nanosecond.
+        """Schedule `action(now)` every `period` [s] from now on; a period lasts at
+        least a nanosecond.
         """
         return self._push(
             TimedCall(

@@ -40,8 +40,8 @@ GIVE = 1e-4  # m, by which an end yields before it slides
 
 @dataclass(frozen=True, slots=True)
 class CommandedGrip:
-    """Commanded gripper `pose` (3,) of x, z [m], pitch [rad], and its `rate` (3,) per
-    second.
+    """Commanded gripper `pose` (3,) of x, z [m] and pitch [rad], and its `rate` (3,) of
+    change per second.
     """
 
     pose: Array
@@ -113,8 +113,8 @@ class Slide:
     def sticking(
         cls, joint: int | None, limit: float, stiffest: float, *, both_ways: bool
     ) -> Self | None:
-        """Element at rest that yields by at most GIVE before it slides; None if it
-        never does.
+        """Stick-slip element at rest that gives way by at most GIVE before it slides;
+        None if it never slides.
         """
         if joint is None or np.isinf(limit):
             return None
@@ -154,7 +154,8 @@ class Slide:
 
 @dataclass(frozen=True, slots=True)
 class Ends:
-    """Sliding ends of a chain, None for an end that does not slide.
+    """Sliding ends of a strip's chain, at the grip and the loose edge; None for an end
+    that does not slide.
 
     The grip slips under pull and not under compression. The loose edge slides both
     ways, held by `friction` times the normal force of the desk, `edge_weight` [N] of it
@@ -406,8 +407,8 @@ class Chain:
         self._models: tuple[StripModel, ...] = ()
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        """Lay the strips flat and at rest, gripped at (stated length, 0), pitch 0, at
-        time 0.
+        """Lay the strips flat and at rest at time 0, each gripped at x = its stated
+        length, z = 0, pitch 0.
         """
         self._models = tuple(models)
         self._strips = [
@@ -438,7 +439,7 @@ class Chain:
         return np.stack([strip.points for strip in self._strips])
 
     def arc(self) -> Array:
-        """Arc lengths (n, links + 1) [m] of the nodes from the fixed edge."""
+        """Arc lengths (n, links + 1) [m] of the strips' nodes from the fixed edge."""
         return np.stack([strip.arc for strip in self._strips])
 
     def _observe(self) -> Observables:

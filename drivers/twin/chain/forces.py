@@ -45,7 +45,9 @@ class Loads:
             data.xfrc_applied[1:-2, :3:2] = self._drag(data, h)
 
     def _moments(self, data: mujoco.MjData, h: float) -> Array:
-        """Moments (n + 1,) [N m] of friction and relaxation at the hinges."""
+        """Moments (n + 1,) [N m] of friction and relaxation at the chain's n + 1
+        hinges.
+        """
         hinges = self._joints.hinges
         moment = np.zeros(len(hinges))
         if self._has_friction:
@@ -58,8 +60,8 @@ class Loads:
         return moment
 
     def _relax(self, angle: Array, h: float) -> Array:
-        """Moments (n + 1,) [N m] that the relaxation of Maxwell elements takes off the
-        springs.
+        """Moments (n + 1,) [N m] by which relaxing (Maxwell) elements weaken the
+        springs of the chain's n + 1 hinges.
 
         Their strain obeys dq/dt = dangle/dt - q / time; exact for a uniform rate
         between calls.
@@ -75,7 +77,8 @@ class Loads:
         return lumps.fading * (angle - lumps.rest_angle - self._strain)
 
     def _drag(self, data: mujoco.MjData, h: float) -> Array:
-        """Drag forces (n, 2) [N] along x and z on the links, against their motion.
+        """Air drag (n, 2) [N] along x and z on the chain's n links, against their
+        motion.
 
         Divided by what an implicit step of an isolated link would slow it down by, so
         that light strips stay stable.
@@ -111,8 +114,8 @@ class DahlFriction:
         self._angle = 0.0 * limit
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Moments (n,) [N m] of friction at hinge `angle` (n,) [rad], and slopes [N
-        m/rad].
+        """Friction moments (n,) [N m] at the hinges' angles `angle` (n,) [rad], and
+        their slopes (n,) [N m/rad].
         """
         limit = self._limit
         turn = angle - self._angle

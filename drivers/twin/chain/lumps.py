@@ -17,7 +17,8 @@ RIGID = 3e3  # axial stiffness over weight from which a strip counts as inextens
 
 @dataclass(frozen=True, slots=True)
 class HingeLumps:
-    """Coefficients of bending of a strip on the n + 1 hinges of a chain, all (n + 1,).
+    """Bending coefficients of a strip at the n + 1 hinges of a chain, each an array (n
+    + 1,).
 
     A hinge stands for `reach` [m] of the strip, between the middles of its two links;
     the first and the last one for half a link, so that both clamps are of second order
@@ -47,8 +48,8 @@ class HingeLumps:
 
     @classmethod
     def from_model(cls, model: StripModel, nodes: Array, scale: float) -> Self:
-        """Coefficients of `model` at hinges at arc lengths `nodes` (n + 1,) [m], times
-        `scale`.
+        """Bending coefficients of `model`, multiplied by `scale`, for hinges at arc
+        lengths `nodes` (n + 1,) [m].
 
         The powers of `share` are those that `_strip_share` states.
         """
@@ -99,8 +100,8 @@ class HingeLumps:
 
 
 def _strip_share(stiffness: Array, grip_compliance: float) -> Array:
-    """Share s (n + 1,) of each hinge's angle that is the strip's, below 1 at a
-    compliant grip.
+    """Fraction s (n + 1,) of each hinge's angle that is the strip's own; below 1 only
+    at a compliant grip.
 
     Under one moment angles add up, so that a hinge of `stiffness` K [N m/rad] in series
     with the compliance C [rad/(N m)] has s K with s = 1 / (1 + C K); then the strip's
@@ -161,8 +162,8 @@ class Lumps:
 
     @property
     def stretches(self) -> bool:
-        """Whether the strip is so soft along itself that a chain simulates its
-        stretch.
+        """Whether the strip is so soft lengthwise that its chain simulates
+        stretching.
         """
         return bool((self.along < self.stiffest).any())
 

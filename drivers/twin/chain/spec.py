@@ -191,8 +191,8 @@ def _add_slide(
 def _add_hinge(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: int
 ) -> None:
-    """Add hinge `node` to `body` with its bending law, and a tendon for yarn
-    friction.
+    """Add hinge number `node` to `body` with its bending law, and a tendon for the
+    friction of the yarns.
     """
     hinges = lumps.hinges
     name = f"{HINGE}{node}"
@@ -318,14 +318,14 @@ class Joints:
         )
 
     def angles(self, position: Array) -> Array:
-        """Angles (n + 1,) [rad] of links and tip from flat, at joint `position`
-        (MuJoCo's qpos).
+        """Angles (n + 1,) [rad] from flat of the chain's n links and tip, at joint
+        `position` (MuJoCo's qpos).
         """
         return position[self.hinges].cumsum()
 
     def nodes(self, position: Array) -> Array:
-        """Positions (n + 1, 2) x, z [m] of the nodes, at joint `position` (MuJoCo's
-        qpos).
+        """Positions x, z (n + 1, 2) [m] of the chain's nodes at joint `position`
+        (MuJoCo's qpos).
         """
         angles = self.angles(position)[:-1]
         nodes = np.zeros((len(self.hinges), 2))
@@ -337,8 +337,8 @@ class Joints:
         return nodes.cumsum(axis=0)
 
     def speeds(self, position: Array, rate: Array) -> tuple[Array, Array]:
-        """Speeds (n, 2) [m/s] of links' middles along and across them, and directions
-        (n, 2).
+        """Speeds (n, 2) [m/s] of the links' middles along and across the links, and the
+        links' unit directions (n, 2).
         """
         angles = self.angles(position)[:-1]
         along = np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -104,8 +104,8 @@ def rigid(matrix: Array) -> bool:
 
 
 def _collision(old: Configuration, numbers: Array) -> Configuration | None:
-    """Copy of `old` with thresholds `numbers` (52,); None if negative or lower above
-    upper.
+    """Copy of `old` with the collision thresholds `numbers` (52,); None if one is
+    negative or a lower one exceeds its upper.
     """
     joints = numbers[:28].reshape(4, 7)
     tool = numbers[28:].reshape(4, 6)
@@ -140,8 +140,8 @@ def _frame(name: str, old: Configuration, numbers: Array) -> Configuration | Non
 
 
 def _load(old: Configuration, numbers: Array) -> Configuration | None:
-    """Copy of `old` with mass, centre and inertia in `numbers` (13,); None if
-    impossible.
+    """Copy of `old` with the load's mass, centre and inertia in `numbers` (13,); None
+    if these are impossible.
     """
     mass = float(numbers[0])
     centre = numbers[1:4]

@@ -27,12 +27,12 @@ class Connection:
         self.received = bytearray()
 
     def fileno(self) -> int:
-        """File descriptor of the TCP connection."""
+        """File descriptor of the client's TCP connection."""
         return self._tcp.fileno()
 
     @property
     def datagram_fileno(self) -> int:
-        """File descriptor of the UDP socket, -1 before it is opened."""
+        """File descriptor of the client's UDP socket, -1 before it is opened."""
         return -1 if self._udp is None else self._udp.fileno()
 
     def read(self) -> bool:
