@@ -90,8 +90,8 @@ class Face:
 
 @dataclass(frozen=True, slots=True)
 class Clip:
-    """Clip that holds a strip: `colour` (3,) BGR, `face` at rest, front from the
-    strip's end.
+    """Visible clip that holds a strip: its `colour` (3,) in BGR, and its `face` as seen
+    at rest, relative to the strip's end.
     """
 
     colour: Array
@@ -122,8 +122,8 @@ class Clip:
         return cls(colour, replace(face, front=offset)) if is_at_end else None
 
     def find(self, image: Image, calibration: Calibration, last: Pose) -> Pose | None:
-        """Pose of the strip's end by its clip in `image` (h, w, 3), near `last`; None
-        if hidden.
+        """Pose of the strip's held end from its clip in `image` (h, w, 3), near the
+        pose `last`; None where the clip is hidden.
         """
         face = _face(image, calibration, self.colour, last)
         if face is None or not SMALLEST < face.area / self.face.area < LARGEST:
@@ -139,7 +139,9 @@ class Clip:
 def _face(
     image: Image, calibration: Calibration, colour: Array, last: Pose
 ) -> Face | None:
-    """Largest region of a `colour` (3,) BGR near the `last` end; None without one."""
+    """Face of a clip: the largest region of its `colour` (3,) in BGR near the end's
+    `last` pose; None without one.
+    """
     square = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)]) * WINDOW
     corners = calibration.to_image(square + np.array([last.x, last.z]))
     size = (calibration.lens.width, calibration.lens.height)
@@ -153,8 +155,8 @@ def _face(
 
 
 def _largest_region(image: Image, colour: Array) -> Array | None:
-    """Columns and rows (n, 2) of the largest region of a `colour` in `image`; None
-    without one.
+    """Columns and rows (n, 2) [px] of the largest region of a `colour` (3,) in `image`
+    (h, w, 3); None without one.
     """
     if image.size == 0:
         return None
@@ -265,8 +267,8 @@ class HeldEnd:
         return interpolate_columns(end, distances + AROUND[0], line.T)
 
     def _search(self, frame: Frame) -> HeldMeasurement:
-        """Measure from guesses of the held end's pose, until confidence in a profile
-        suffices.
+        """Measure from guesses of the held end's pose, one after another, until the
+        confidence in a profile suffices.
         """
         first, *guesses = self._guesses(frame.stamp)
         best = self._iterate(frame, first)
@@ -282,8 +284,8 @@ class HeldEnd:
         return best
 
     def _guesses(self, stamp: float) -> Iterator[Pose]:
-        """Guesses of the held end's pose: extrapolated, last, nearby; at first, lifted
-        slightly.
+        """Yield guesses of the held end's pose: extrapolated, last and nearby ones; in
+        the first image slightly lifted.
         """
         if not self._past:
             length = self._strip.length
@@ -303,7 +305,9 @@ class HeldEnd:
             yield replace(expected, z=max(expected.z + step, 0.0))
 
     def _predict(self, stamp: float) -> Pose:
-        """Pose of the end at `stamp` [s], linearly extrapolated from the last two."""
+        """Pose of the held end at `stamp` [s], linearly extrapolated from its last two
+        poses.
+        """
         past = self._past
         if len(past) < 2:
             return past[-1][1]
@@ -314,8 +318,8 @@ class HeldEnd:
         return Pose(x, max(z, 0.0), last.pitch)
 
     def _iterate(self, frame: Frame, guess: Pose) -> HeldMeasurement:
-        """Measure by fixed-point iteration from `guess`; no end where it does not
-        converge.
+        """Measure the strip and its held end by fixed-point iteration from `guess`; the
+        end is None where that does not converge.
         """
         for _ in range(ROUNDS):
             measurement = self._perception.measure(frame, guess)
@@ -331,8 +335,8 @@ class HeldEnd:
         return HeldMeasurement(measurement, None)
 
     def _end_pose(self, measurement: StripMeasurement) -> Pose | None:
-        """Pose at the strip's full length along the extrapolated profile; None without
-        profile.
+        """Pose of the held end: at the strip's full length along its extrapolated
+        profile; None without a profile.
         """
         curve = measurement.profile
         if len(curve) < 2:

@@ -38,8 +38,8 @@ SEARCH_RADIUS, WATCHED_PATCHES = 12, 20
 
 @dataclass(frozen=True, slots=True)
 class ImageResult:
-    """Measurement of one image, layers' `touch` if certain, camera `shift` [m], gap at
-    rest [m].
+    """Measurement of one image, with the layers' `touch` once it is certain, the
+    camera's `shift` [m] and the gap of resting layers [m].
     """
 
     measurement: StripMeasurement
@@ -127,8 +127,8 @@ Maker = Callable[[StripInputs], Measurer]
 
 @dataclass(frozen=True, slots=True)
 class ImageTask:
-    """Image `frame` to check, before the grasp (`gripper` None), or to measure, with
-    `touches`.
+    """Image `frame` to check before the grasp (`gripper` is None), or in which to
+    measure the strip during a fold.
 
     A strip that was let go ends at `gripper`, with the `hand` elsewhere.
     """
@@ -165,7 +165,7 @@ class InlineReader:
         self._result: Answer | None = None
 
     def submit(self, request: ImageTask, now: float) -> None:  # noqa: ARG002
-        """Measure the image of `request` at once."""
+        """Measure the image of `request` at once, within this call."""
         self._result = request.answer(self._measurer)
 
     def result(self) -> Answer | None:

@@ -16,14 +16,16 @@ LEVEL_SPAN = 160  # grey levels from there to all strip
 
 
 def smooth_matte(levels: Image) -> Image:
-    """Smooth matte `levels` (h, w), grey levels of strip share, to half their noise."""
+    """Smooth `levels` (h, w), the grey levels of a matte of the strip, to half their
+    noise.
+    """
     smooth: Image = cv2.GaussianBlur(levels, (3, 3), 0)
     return smooth
 
 
 def strip_share(levels: Array | Image) -> Array:
-    """Convert matte grey levels (...,) to shares of strip (...,), 0 to 1 and slightly
-    beyond.
+    """Convert grey levels (...,) of a matte to the fraction (...,) of each pixel that
+    shows strip, 0 to 1 and slightly beyond.
     """
     return (np.asarray(levels, dtype=np.float64) - ZERO_LEVEL) / LEVEL_SPAN
 
@@ -43,8 +45,8 @@ Offsets = NDArray[np.int64]
 
 
 class LitImage(NamedTuple):
-    """Image of the cell with the learnt background, its shade, and the present
-    brightness.
+    """Image of the cell, with the learnt background and its shade, and the present
+    brightness of the light.
 
     `image`, `background` (height, width, 3) BGR and the background's `shade` (height,
     width) are whole. `light` (n + 2, m + 2) is that of n by m cells and of a border of
@@ -61,8 +63,8 @@ class LitImage(NamedTuple):
 def _fisher(
     strip_scene: Any, strip_strip: Any, scene_scene: Any, shade: Any, variance: Any
 ) -> tuple[Any, Any, Any]:
-    """Factors a, b, det of Fisher's discriminant w = (a c + b s) / det of colours c and
-    s.
+    """Factors a, b, det of Fisher's discriminant w = (a c + b s) / det between a
+    strip's colour c and a scene's colour s.
 
     Of a strip's colour c and a scene's colour s, w = S^-1 (c - s), with the scatter S =
     variance I + SHADE^2 c c' + shade^2 s s' of sensor, strip and scene. The first three
@@ -83,8 +85,8 @@ _compiled_fisher = kernel(_fisher)
 def discriminants(
     colour: Floats, scene: Floats, shade: Floats, variance: float
 ) -> tuple[Floats, Floats]:
-    """Squared separation (n,) [sigma^2] of a strip's colour from those of the
-    background.
+    """Squared separation (n,) [sigma^2] of a strip's `colour` (3,) from the colours
+    `scene` (n, 3) of its background.
 
     Of `colour` (3,) from `scene` (n, 3), whose brightness may differ by the share
     `shade` (n,); `variance` is the sensor's [grey levels squared]. Also returns the
@@ -139,8 +141,8 @@ def patch_brightness(
 def _add_differences(
     pixels: Image, scene: Image, light: Image, differences: Any
 ) -> None:
-    """Add how far m cells in one row of `pixels` (3 w,) are from `scene` to
-    `differences` (m,).
+    """Add to `differences` (m,) how far the m cells in one row of `pixels` (3 w,) are
+    from the background `scene`.
 
     Summed over CELL_PX pixels and three channels, EVEN_LIGHT times as large, at the
     cells' `light`.
@@ -158,7 +160,8 @@ def _add_differences(
 def changed_cells(
     image: Image, background: Image, light: Image, corner: tuple[int, int], limit: float
 ) -> Image:
-    """Mask (n, m) of cells that differ from the background: 1 where changed, else 0.
+    """Mask (n, m) of image cells that differ from the background: 1 where changed, else
+    0.
 
     Images (h, 3 w) are B, G, R in turn; `light` (n, m) is the cells', the first of
     which begins at `corner`, column and row [px]. Changed is one whose mean over every
@@ -187,8 +190,8 @@ def changed_cells(
 
 @kernel
 def _light_at(light: Floats, v: int, u: int) -> Any:
-    """Light at row `v`, column `u` [px] of all cells, bilinear between the centres of
-    cells.
+    """Brightness of the light at row `v`, column `u` [px], interpolated between the
+    centres of cells.
 
     `light` (n + 2, m + 2) is that of the cells and a border of one.
     """
@@ -207,8 +210,8 @@ def _light_at(light: Floats, v: int, u: int) -> Any:
 
 @kernel
 def _load_cell(picture: Any, row: int, column: int, pixels: Floats) -> None:
-    """Write seven features of each pixel of the cell at `row`, `column` to `pixels` (7,
-    CELL_PX^2).
+    """Write seven features of each pixel of the cell at `row`, `column` into `pixels`
+    (7, CELL_PX^2).
 
     0 to 2: B, G, R at even light minus the background's; 3 to 5: the background's; 6:
     its shade. Pixels past the image repeat its border.
@@ -231,7 +234,8 @@ def _load_cell(picture: Any, row: int, column: int, pixels: Floats) -> None:
 
 @kernel
 def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> None:
-    """Write the share of strip in each of `pixels` (7, n) to `shares` (n,).
+    """Write into `shares` (n,) the fraction of strip in each of n pixels, from their
+    seven features `pixels` (7, n).
 
     With p a pixel's colour it is w'(p - s) / w'(c - s), w the discriminant of
     `_fisher`: the largest over the strip's `colours` (k, 3), of those that the scene
@@ -274,8 +278,8 @@ def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> N
 
 @entry
 def segment(picture: LitImage, cells: Image, colours: Floats, variance: float) -> Image:
-    """Matte levels (CELL_PX n, CELL_PX m) of the strip in those `cells` (n, m) that are
-    not 0.
+    """Grey levels (CELL_PX n, CELL_PX m) of the strip's matte in those of n by m image
+    `cells` (n, m) that are not 0.
 
     Other cells have ZERO_LEVEL. Of the strip's `colours` (k, 3) the one counts that a
     pixel shows most of; `variance` [grey levels squared] is the sensor's.
@@ -302,8 +306,8 @@ def segment(picture: LitImage, cells: Image, colours: Floats, variance: float) -
 
 @kernel
 def _lies_on_line(levels: Any, pixel: int, steps: Offsets, faint: int) -> bool:
-    """Whether flat `levels` exceed `faint` in the mean over one of the lines about
-    `pixel`.
+    """Whether the matte's `levels`, as a flat array, exceed `faint` in the mean over a
+    line of pixels through `pixel`.
 
     A line is a row of `steps` (k, n) from the pixel.
     """

@@ -15,8 +15,8 @@ TOP = 5  # points of the profile whose mean height is the loop's
 
 
 class Loop(NamedTuple):
-    """Loop of a laid fold [m]: x of its tip, its height, its width from desk contact to
-    tip.
+    """Loop of a laid fold: x of its tip, its height, and its width from desk contact to
+    tip, all in metres.
     """
 
     tip_x: float

@@ -32,8 +32,8 @@ UNEVEN = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Fall:
-    """Falling fold in one image at `time` [s]: `gap` [m] between the layers, at the
-    place `x` [m].
+    """Falling fold in one image at `time` [s]: the `gap` [m] between its layers, and
+    the place `x` [m] of that gap.
 
     `to_grasped` [m] is the arc length from there along the upper layer to the gripper
     point.
@@ -86,7 +86,7 @@ class LayerTouch:
         return self._touch
 
     def resting(self) -> float:
-        """Distance [m] at which layers rest without a touch; NaN while they fall or
+        """Gap [m] at which the layers rest without touching; NaN while they fall or
         touch.
         """
         recent = [fall.gap for fall in self._falls[-RESTING_FALLS:]]
@@ -97,8 +97,8 @@ class LayerTouch:
         return distance if distance > self._distances[1] + MARGIN else nan
 
     def _find_touch(self) -> SeenTouch | None:
-        """Layers' touch in the recorded falls; None while the two signals do not
-        agree.
+        """Layers' touch found in the images so far; None while gap and fall do not both
+        show it.
         """
         t = np.array([fall.time for fall in self._falls])
         gap = np.array([fall.gap for fall in self._falls])
@@ -133,8 +133,8 @@ class LayerTouch:
         return touch if self._is_a_fold(touch) else None
 
     def _position_at(self, time: float, t: Array) -> tuple[float, float]:
-        """Position x [m] and displacement [m] of the fold at `time`, by falls at `t`
-        (n,) [s].
+        """Position x [m] and displacement [m] of the fold at `time` [s], from its
+        falling images at times `t` (n,) [s].
 
         Both lengths err alike where the place is misread: their difference is filtered.
         """
@@ -146,8 +146,8 @@ class LayerTouch:
         return x, float(np.interp(time, t, differences))
 
     def _is_a_fold(self, touch: SeenTouch) -> bool:
-        """Whether a touch has plausible lengths; touches near the strip's end are
-        misread.
+        """Whether a touch has lengths that a fold can have; touches near the strip's
+        end are misread.
         """
         is_inside = touch.to_fixed > self._goal
         return is_inside and abs(touch.displacement) <= UNEVEN * self._span
@@ -187,8 +187,8 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
 def _closing_time(
     t: Array, gap: Array, level: float, end: float
 ) -> tuple[float, float] | None:
-    """Time [s] at which the gap closed to `end` [m], and its speed [m/s]; None if it
-    stays open.
+    """Time [s] at which the layers' gap closed to `end` [m], and its closing speed
+    [m/s]; None if it stays open.
 
     The line through the last three gaps above `level` is extrapolated to `end`: later
     ones may be at rest already.
@@ -210,8 +210,8 @@ def _closing_time(
 
 
 def _falls_slower(t: Array, gap: Array, time: float, speed: float) -> bool:
-    """Whether the gap (n,) closes at most at `speed` [m/s] from `time` [s]; False for
-    few rows.
+    """Whether the layers' gap (n,) closes at `speed` [m/s] or slower from `time` [s]
+    on; False for too few images.
     """
     after = t >= time
     if after.sum() < RECENT_FALLS:
@@ -221,7 +221,9 @@ def _falls_slower(t: Array, gap: Array, time: float, speed: float) -> bool:
 
 
 def _end_of_fall(t: Array, gap: Array, time: float, speed: float) -> float:
-    """Time [s] at which the fall ended: where its fitted line meets the gap at rest."""
+    """Time [s] at which a fold stopped falling: where the line fitted to its closing
+    gap meets the gap at rest.
+    """
     rest = np.median(gap[t >= time])
     moving = gap > rest + RISE_SHARE * speed * np.median(np.diff(t))
     # noise at rest may rise again: the first stop counts

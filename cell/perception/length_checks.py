@@ -51,7 +51,8 @@ KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class LengthCheck:
-    """Difference [m] between two independent measurements of a length, `name`.
+    """Difference [m] between two independent measurements of the length `name`, such as
+    by camera and arm.
 
     `spread` is the standard deviation [m] that the difference usually has.
     """
@@ -67,8 +68,8 @@ class LengthCheck:
 
     @property
     def refuted(self) -> bool:
-        """Whether the two lengths differ so much that the measurement is not
-        trustworthy.
+        """Whether the two measured lengths differ so much that the measurement cannot
+        be trusted.
         """
         return self.ratio > REFUTED
 
@@ -82,7 +83,9 @@ class LengthCheck:
         )
 
     def facts(self) -> dict[str, str | float]:
-        """Entry of result.yaml: name of the length, difference and spread [m]."""
+        """Entry of result.yaml for this check: name of the length, difference [m] and
+        spread [m].
+        """
         return {
             "name": self.name,
             "difference": round(self.difference, 6),

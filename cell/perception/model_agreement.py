@@ -42,8 +42,8 @@ class MeasuredFold(NamedTuple):
     def until(
         cls, touch: float, t: Array, poses: Array, stamp: Array, profile: Array
     ) -> Self:
-        """Measured fold of the poses (m, 3) and profiles (k, POINTS, 2) before `touch`
-        [s].
+        """Measured fold with the gripper poses (m, 3) and profiles (k, POINTS, 2) taken
+        before the time `touch` [s].
         """
         usable = (stamp < touch - TOUCH_MARGIN) & np.isfinite(profile).all(axis=(1, 2))
         before = t <= touch
@@ -134,8 +134,8 @@ class Agreement:
 
     @property
     def like_model(self) -> bool:
-        """Whether residual and yield curvature are within limits, so that the model
-        applies.
+        """Whether the fit's residual and yield curvature are within their limits, so
+        that the model applies.
         """
         limits = AgreementLimits.shipped()
         return (
@@ -155,7 +155,7 @@ class Agreement:
         )
 
     def _reason(self) -> str:
-        """Text that names the value beyond its limit."""
+        """Words that name which value of the fit is beyond its limit."""
         limits = AgreementLimits.shipped()
         if self.residual > limits.residual:
             usual = f"up to {in_mm(limits.residual, 1)} are usual"
@@ -203,7 +203,8 @@ def agreement(
 def _curves_about(
     strip: StripFile, unknowns: Array, fold: MeasuredFold
 ) -> Array | None:
-    """Profiles of the rod at `unknowns` (3,), and with each one changed by its step.
+    """Profiles of the rod at the parameters `unknowns` (3,), and with each one changed
+    by its step; None where a rod cannot follow.
 
     None where the rod cannot follow one of them.
     """
@@ -282,8 +283,8 @@ def _design(curves: Array, spacing: float) -> Array:
 def _solve(
     design: Array, off: Array, moved: Array, sigma: Array
 ) -> tuple[Array, Array]:
-    """Least-squares change (3,) of the parameters, and the residuals (b, POINTS, 2)
-    that remain.
+    """Least-squares change (3,) of the fitted parameters, and the residuals (b, POINTS,
+    2) that remain after it.
 
     `off` (b, POINTS, 2) are the residuals before it, `moved` (3,) is the parameters'
     distance from their prior so far, `sigma` (3,) the prior's standard deviation.
@@ -300,8 +301,8 @@ def _solve(
 
 
 def _model(strip: StripFile, unknowns: Array) -> StripModel:
-    """Model of `strip` with the fitted (3,) bending length, retardation time and
-    friction.
+    """Model of `strip` with its bending length, retardation time and friction from the
+    fitted `unknowns` (3,).
     """
     ln_length, ln_time, ln_friction = unknowns.tolist()
     effects = dict(strip.effects)
@@ -318,7 +319,7 @@ def _model(strip: StripFile, unknowns: Array) -> StripModel:
 
 
 def _unknowns(length: float, time: float, friction: float) -> Array:
-    """ln length [m], ln time [s], ln(1 + friction [1/m] / YIELD_UNIT): unknowns (3,) of
-    the fit.
+    """Unknowns (3,) of the fit: ln of the bending `length` [m], ln of the retardation
+    `time` [s], ln(1 + `friction` [1/m] / YIELD_UNIT).
     """
     return np.array([np.log(length), np.log(time), np.log1p(friction / YIELD_UNIT)])

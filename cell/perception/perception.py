@@ -57,8 +57,8 @@ class SearchLine:
     def under(
         cls, strip: StripFile, calibration: Calibration, appearance: Appearance
     ) -> Self:
-        """Search line along the underside of `strip` where it stands CONTACT_HEIGHT
-        up.
+        """Search line along the underside of the resting `strip`, CONTACT_HEIGHT above
+        where it rests.
         """
         x = np.arange(STRIP_START + 0.0005, strip.length + 0.01, SAMPLE_SPACING)
         z = appearance.rest_height(x) + CONTACT_HEIGHT - strip.thickness / 2
@@ -108,8 +108,8 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> DeskContact:
 
 
 def _piece_ends(strip: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Indices (k,) at which pieces of strip end in the mask `strip` (n,), and its last
-    index.
+    """Indices (k,) at which pieces of strip end in the mask `strip` (n,), the last
+    index of the mask included.
     """
     # in the run up to each sample
     counts = np.convolve(strip, np.ones(SURE_COUNT), mode="full")
@@ -120,7 +120,8 @@ def _piece_ends(strip: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _lying_end(ends: NDArray[np.int64], strip: NDArray[np.int64]) -> int:
-    """Last sample of the last piece of strip that is at least LYING_LENGTH long.
+    """Index of the last sample of the last piece of strip along a line that is at least
+    LYING_LENGTH long.
 
     Pieces end at the samples `ends` (k,), of `strip` (n,) that show strip; else that of
     the first.
@@ -173,8 +174,8 @@ GAP_OPENING = 0.004  # m from which layers count as apart
 
 
 class Matte(NamedTuple):
-    """Matte of the strip in a `region` of a frame: `levels` (h, w), and their `smooth`
-    version.
+    """Matte of the strip in a `region` of a frame: the fraction of strip in each pixel
+    as grey `levels` (h, w), and `smooth` ones.
 
     Grey levels are of the strip's share in a pixel, see `kernels.strip_share`.
     """
@@ -186,8 +187,8 @@ class Matte(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class LiftedMidline:
-    """Midline `points` (n, 2) [m] of the lifted strip, contact to gripper, and its
-    `confidence`.
+    """Midline `points` (n, 2) [m] of the lifted strip from desk contact to gripper, and
+    the `confidence` in it, 0 to 1.
     """
 
     points: Array
@@ -258,8 +259,8 @@ class Perception:
     def _matte(
         self, frame: Frame, gripper: Pose, hand: Pose, around: float = 0.0
     ) -> Matte:
-        """Matte of `frame` where the strip can appear, without the `hand` and `around`
-        [m] of it.
+        """Matte of the strip in `frame` where it can appear, leaving out the `hand` and
+        `around` [m] beside it.
         """
         region = strip_region(self._calibration, self._strip.length, gripper)
         visible = without_hand(region, self._calibration, hand)
@@ -270,7 +271,7 @@ class Perception:
         return Matte(levels, smooth_matte(levels), region)
 
     def _mask(self, matte: Matte) -> Image:
-        """Mask (h, w) of the strip in the matte's region, 255 inside."""
+        """Mask (h, w) of the strip in the region of `matte`, 255 inside."""
         zone = matte.region.crop(self._zone)
         above_shadow = matte.region.crop(self._above_shadow)
         return silhouette(

@@ -455,8 +455,8 @@ def _learn_scene(
 
 
 def _matte_of(segmenter: scene.Segmenter, image: Image) -> Image:
-    """Matte levels (h, w) of the full `image` (h, w, 3), where no hand hides the
-    strip.
+    """Grey levels (h, w) of the strip's matte in the full `image` (h, w, 3), where no
+    hand hides the strip.
     """
     levels = np.full(image.shape[:2], ZERO_LEVEL, np.uint8)
     part, region = segmenter.levels(

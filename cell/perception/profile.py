@@ -82,8 +82,8 @@ def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings
 
 
 def _shares_across(levels: Image, side: Side, offsets: Array) -> Array:
-    """Shares of strip (n, m) at `offsets` (m,) [px] inwards from the n points of
-    `side`.
+    """Fractions of strip (n, m) at the offsets `offsets` (m,) [px] inwards from the n
+    points of the outline `side`.
     """
     at = side.points[:, None] - offsets[None, :, None] * side.normals[:, None]
     at = at.astype(np.float32)
