@@ -137,7 +137,9 @@ class BoardView:
         return float(middle[2])
 
     def _board_pose(self, lens: Lens) -> tuple[Array, Array]:
-        """Rotation (3, 3) and shift (3,) [m] from the board to the camera."""
+        """Rotation (3, 3) and shift (3,) [m] from the board's frame to the camera's,
+        fitted to the view's corners.
+        """
         ideal = lens.undistort(self.image)
         _, turn, shift = cv2.solvePnP(self.board, ideal, lens.matrix, None)
         rotation, _ = cv2.Rodrigues(turn)
@@ -203,8 +205,8 @@ INCHES_PER_MM = 1 / 25.4  # inches
 
 
 def smallest_sheet(settings: BoardSettings) -> str:
-    """Name, one of PAPERS, of the smallest paper for the board; or
-    ConfigurationError.
+    """Name, one of PAPERS, of the smallest paper that holds the board; raises
+    ConfigurationError if none does.
     """
     square = 1e3 * settings.square
     wide = (settings.columns + 2 * QUIET_ZONE) * square
@@ -339,8 +341,8 @@ def find_pointer(image: Image) -> Array | None:
 
 
 def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
-    """Centre (2,) u, v [px] of the disc in `outline`, or None without a disc on a dark
-    plate.
+    """Centre (2,) u, v [px] of the pointer's disc inside `outline`; None without a
+    bright disc on a dark plate.
     """
     (u, v), radius = cv2.minEnclosingCircle(outline)
     if not RADII[0] <= radius <= RADII[1]:

@@ -93,8 +93,8 @@ class Viewpoint:
     distance: float
 
     def foot(self) -> Array:
-        """Point (2,) x, z [m] of the plane nearest to the camera, where lines along y
-        meet.
+        """Point (2,) x, z [m] of the strip's plane nearest to the camera, where the
+        images of lines along y meet.
         """
         return np.array([self.x, self.z])
 
@@ -172,7 +172,9 @@ def map_deviation(
 
 
 def _by_map(homography: Homography, points: Array) -> Array:
-    """Derivatives (n, 2, 8) of the pixels of `points` (n, 2) by the map's entries."""
+    """Derivatives (n, 2, 8) of the pixels of `points` (n, 2) by the eight free entries
+    of the homography.
+    """
     pixels = homography.to_image(points)
     inverse = homography.inverse / homography.inverse[2, 2]
     lifted = np.insert(points, 2, 1.0, axis=1)

@@ -86,8 +86,8 @@ class Lens:
 
 @dataclass(frozen=True, slots=True)
 class LensFit:
-    """Fitted lens: rms error [px], rms `per_view` (n,), one sigma of the focal length
-    [px].
+    """Fitted lens with its rms error [px], the rms error of each view (n,) [px], and
+    one sigma of its focal length [px].
     """
 
     lens: Lens
@@ -319,8 +319,8 @@ class OpenCvFile(Settings):
 
 
 def write_camera_info(lens: Lens, name: str, path: Path) -> None:
-    """Write `lens` of the camera `name` to `path` as ROS camera_info; or
-    ConfigurationError.
+    """Write `lens` of the camera `name` to `path` as a ROS camera_info file;
+    ConfigurationError where that fails.
     """
     write_file(
         path, dump_yaml(CameraFile.from_lens(lens, name).model_dump(mode="json"))
@@ -328,8 +328,8 @@ def write_camera_info(lens: Lens, name: str, path: Path) -> None:
 
 
 def write_opencv(lens: Lens, path: Path) -> None:
-    """Write `lens` to `path` in the format of cv2.FileStorage; or
-    ConfigurationError.
+    """Write `lens` to `path` in the format of cv2.FileStorage; ConfigurationError where
+    that fails.
     """
     kind = (
         cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML

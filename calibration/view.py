@@ -232,8 +232,8 @@ class PinnedView:
 
 
 def _slack(shifts: Array) -> float:
-    """Standard deviation [px] by which the position of a patch leaves a common motion,
-    by its `shifts` (n, 2) [px].
+    """Expected standard deviation [px] of a patch's position from a motion common to
+    all, by their `shifts` (n, 2) [px].
     """
     if len(shifts) == 0:
         return MODEL_SIGMA
@@ -242,8 +242,8 @@ def _slack(shifts: Array) -> float:
 
 
 def _weights(patches: Array, tensors: Array, scores: Array, slack: float) -> Array:
-    """Inverse covariances (n, 2, 2) [1/px^2] of the places of `patches` found with the
-    correlations `scores` (n,): what differs about a patch blurs its place.
+    """Inverse covariances (n, 2, 2) [1/px^2] of the places at which `patches` were
+    found with the correlations `scores` (n,).
     """
     differing = np.var(patches, axis=(1, 2)) * (1 - np.minimum(scores, 1) ** 2)
     values, axes = np.linalg.eigh(tensors)
@@ -369,6 +369,8 @@ def _common_motion(
 
 
 def _misfit(residuals: Array, weights: Array) -> Array:
-    """Squares (n,) of the `residuals` (n, 2) in standard deviations."""
+    """Squared lengths (n,) of the patches' `residuals` (n, 2) in standard
+    deviations.
+    """
     squares: Array = np.einsum("ij,ijk,ik->i", residuals, weights, residuals)
     return squares

@@ -163,7 +163,9 @@ class BoardViews:
         return Sketch(self._size, as_wanted, as_seen)
 
     def _refuse(self, frame: Frame, look: BoardDetection) -> str | None:
-        """Reason why an image shows no usable view of the board, or None."""
+        """Reason why an image shows no usable view of the board; None for a
+        usable one.
+        """
         settings = self._settings
         height, width, _ = frame.image.shape
         size = (width, height)

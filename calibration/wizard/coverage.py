@@ -83,15 +83,17 @@ def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, .
 
 
 def _words(share: float, low: str, high: str) -> str:
-    """Word for the position at a `share` of the image: `low`, middle or `high`."""
+    """Word for a position at the fraction `share` of the image: `low`, middle or
+    `high`.
+    """
     if abs(share - 0.5) <= MIDDLE_SHARE:
         return "middle"
     return low if share < 0.5 else high
 
 
 def _lean_words(angle: float, positive: str, negative: str) -> str:
-    """Words for a lean by `angle` [rad] to either side; empty for a board without
-    lean.
+    """Words for a board that leans by `angle` [rad] to either side; empty where it does
+    not lean.
     """
     if abs(angle) < FLAT_ANGLE:
         return ""
@@ -271,7 +273,9 @@ def _lean_gate(name: str, angles: Array, needs: BoardSettings) -> Gate:
 
 
 def _cell_share(views: Sequence[BoardView], lens: Lens) -> float:
-    """Share of the image's grid cells in which board corners were detected."""
+    """Fraction of the cells of a grid over the image in which board corners were
+    detected.
+    """
     if not views:
         return 0.0
     points = np.vstack([view.image for view in views]) / (lens.width, lens.height)

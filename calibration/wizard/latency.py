@@ -75,7 +75,9 @@ class LatencySteps(Settings):
 
 
 def step_poses(settings: LatencySettings) -> tuple[Pose, ...]:
-    """Poses of the pointer to and fro, between which the arm steps."""
+    """Poses of the pointer between which the arm steps to and fro, in the order of its
+    steps.
+    """
     positions = (settings.x, settings.x + settings.step)
     return tuple(
         Pose(positions[k % 2], settings.z, pi / 2) for k in range(settings.steps + 1)
@@ -197,8 +199,8 @@ def _best_latency(
 def _reasons(
     latency: float, apart: float, misfit_mm: float, settings: LatencySettings
 ) -> tuple[str, ...]:
-    """Reasons for refusal: the `latency` [s], halves `apart` [s], or the misfit in
-    motion.
+    """Reasons to refuse a measured `latency` [s]: its size, how far its halves are
+    `apart` [s], or the misfit in motion.
     """
     return reasons(
         (

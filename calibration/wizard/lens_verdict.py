@@ -180,8 +180,8 @@ def lens_verdict(
 
 
 def _found(views: int, fit: LensFit, split: float, bend_mm: float) -> tuple[Line, ...]:
-    """Lines on a lens fit to `views`, whose halves differ by `split` in focal
-    length.
+    """Graded text lines on a lens fitted to `views`, whose halves differ by the
+    fraction `split` in focal length.
     """
     matrix = fit.lens.matrix
     u, v = matrix[:2, 2]

@@ -164,8 +164,8 @@ def _draw_plane(image: Image, calibration: Calibration) -> None:
 
 
 def _line(x: float | Array, z: float | Array) -> Array:
-    """Points (LINE_POINTS, 2) x, z [m] on a line between the extremes of `x` and `z`
-    [m].
+    """Points (LINE_POINTS, 2) x, z [m] of the strip's plane on a line between the
+    extremes of `x` and `z` [m].
     """
     ends = [np.linspace(np.min(v), np.max(v), LINE_POINTS) for v in (x, z)]
     return np.stack(ends, axis=1)

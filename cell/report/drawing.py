@@ -130,8 +130,8 @@ def _name_artists(figure: Any) -> None:
 
 
 def readings(figure: Any) -> str:
-    """Attribute `data-chart` of a figure's SVG with axes, curves, cells as JSON; empty
-    if none.
+    """Attribute `data-chart` of a figure's SVG: its axes, curves and cells as JSON for
+    the page's script; empty if it has none.
     """
     all_axes = [_axes(axes, figure) for axes in figure.axes]
     drawn = [facts for facts in all_axes if facts["curves"] or facts["cells"]]
@@ -140,7 +140,7 @@ def readings(figure: Any) -> str:
 
 
 def _axes(axes: Any, figure: Any) -> Facts:
-    """Facts of one axes for the page's script: place, axis limits, curves, cells,
+    """Facts about one pair of axes for the page's script: place, limits, curves, cells,
     texts.
     """
     shared = axes.get_shared_x_axes().get_siblings(axes)
@@ -165,8 +165,8 @@ def _axes(axes: Any, figure: Any) -> Facts:
 
 
 def _axis(axis: Any, limits: tuple[float, float]) -> Facts:
-    """Facts of an axis: limits, scale, name, unit, and its tick labels where they are
-    words.
+    """Facts about an axis for the page's script: limits, scale, name, unit, and its
+    tick labels where they are words.
     """
     from matplotlib.ticker import FixedLocator
 
@@ -197,8 +197,8 @@ def _svg_point(figure: Any, x: float, y: float) -> list[float]:
 
 
 def _curves(axes: Any) -> Iterator[Facts]:
-    """Yield facts of each named line and area: id, name, label, whether values are read
-    from it.
+    """Yield facts about each named line and area of the axes: id, name, label, whether
+    values are read from it.
     """
     from matplotlib.collections import FillBetweenPolyCollection
 

@@ -63,7 +63,9 @@ HALF_HEIGHT, MARGIN = 40.0, 1.0
 
 
 class DrawnRun(Run):
-    """Recorded run that can be drawn; a run on the twin knows its truth."""
+    """Recorded run that can be drawn; of a run on the twin it also has the
+    true motion.
+    """
 
     __slots__ = ()
 
@@ -74,7 +76,9 @@ class DrawnRun(Run):
 
     @property
     def truth(self) -> Mapping[str, Any] | None:
-        """Motion of the plant that only the twin knows [m, s]; None without one."""
+        """True motion of the simulated strip [m, s], which only the twin knows; None
+        for other runs.
+        """
         return read_truth(self.folder)
 
     def plot(self) -> "Figure":
@@ -183,7 +187,9 @@ def _draw_profiles(axes: Any, curves: Sequence[tuple[float, Array]]) -> None:
 
 
 def _draw_outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
-    """Draw outlines of the strip in the plane, during the lay motion and after it."""
+    """Draw outlines of the strip in its plane, as seen while the fold is laid and after
+    it.
+    """
     drawn_states: set[str] = set()
     for outline in outlines:
         state = outline.state
@@ -258,8 +264,8 @@ def _draw_lanes(axes: Any, ticks: Ticks) -> None:
 def _draw_coordinate(
     axes: Any, ticks: Ticks, sights: Sights, axis: Literal["x", "z"]
 ) -> None:
-    """Draw x of gripper, contact and fold tip over time, or z of both and the layers'
-    gap.
+    """Draw x of gripper, desk contact and fold tip over time, or z of gripper and fold
+    tip and the gap of the layers.
     """
     axes.plot(ticks.t, 1e3 * getattr(ticks, axis), color=INK, label=f"gripper {axis}")
     if axis == "x":

@@ -199,8 +199,8 @@ def _laid_part(image: Image, calibration: Calibration, reach: float) -> Image:
 def _box(
     calibration: Calibration, x: tuple[float, float], z: tuple[float, float]
 ) -> tuple[Array, Array] | None:
-    """Lowest and highest pixels (2,) of a rectangle in the strip's plane, from its ends
-    along `x` and `z` [m]; None where the camera's map has no pixels for it.
+    """Lowest and highest pixels (2,) of a rectangle in the strip's plane that spans `x`
+    and `z` [m]; None where the camera's map has no pixels for it.
     """
     corners = np.array([(along, above) for along in x for above in z])
     pixels = calibration.to_image(corners)

@@ -190,8 +190,8 @@ def marks(run: Run) -> list[tuple[float, str]]:
 
 
 def _cut(run: Run) -> dict[str, Any]:
-    """Part of a film that shows the strip: its `shape`, and how `wide` the whole is and
-    where it begins [%].
+    """Part of a run's film that shows the strip: its `shape`, and how `wide` the whole
+    film is and where it begins [%].
     """
     calibration = run.calibration()
     if calibration is None or not run.ticks.t.size:
@@ -207,8 +207,8 @@ def _cut(run: Run) -> dict[str, Any]:
 
 
 def beliefs(run: Run, outlook: Outlook) -> list[tuple[str, str, str]]:
-    """Rows on what a fold showed of the strip, and what its file says: name, found,
-    stated.
+    """Table rows on what a fold showed of the strip: the property's name, the value
+    found, and the value that its file states.
     """
     rows = []
     if run.result is not None and (final := run.result.foretold) is not None:
@@ -368,7 +368,9 @@ def _steps_at_the_arm(run: Run) -> list[str]:
 
 
 def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
-    """Table row (name, result, reason) of a check, with a remedy where it failed."""
+    """Table row (name, result, reason) of a check before the motion, with a remedy
+    where it failed.
+    """
     name, reason, remedy = (
         str(item.get(key, "")) for key in ("name", "reason", "remedy")
     )

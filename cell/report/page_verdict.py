@@ -26,8 +26,8 @@ LEAST_SCALE = 0.002  # m, to which numbers are drawn at least
 
 @dataclass(frozen=True, slots=True)
 class PageVerdict:
-    """Verdict at the head of a page: `headline` states the outcome, `sentences` explain
-    it.
+    """Verdict at the head of a run's page: `headline` states the outcome, `sentences`
+    explain it.
 
     `figure` and `error` are a number in large print and its error, if any; `tone` is
     its colour.
@@ -49,7 +49,7 @@ def verdict(run: Run) -> str:
 
 @dataclass(frozen=True, slots=True)
 class KeyFigure:
-    """Number of weight on a fold with its `sigma`, the `true` one on the twin and those
+    """Main number on a fold with its `sigma`, its `true` value on the twin, and those
     of `earlier` folds, each [m].
     """
 
@@ -61,7 +61,9 @@ class KeyFigure:
 
     @property
     def tolerance(self) -> str:
-        """Words on the number's side, its tolerance and the truth."""
+        """Words on the direction of the fold's number, its tolerance and its true
+        value.
+        """
         side = "too far" if self.value > 0 else "short"
         true = ""
         if self.true is not None:
@@ -70,19 +72,21 @@ class KeyFigure:
 
     @property
     def margin(self) -> str:
-        """Words on the number's error, or on how large a difference usually is."""
+        """Words on the error of the fold's number, or on how large such a difference
+        usually is.
+        """
         if self.name == FORETOLD:
             return f"up to {millimetres(USUAL * self.sigma)} is usual"
         return f"± {millimetres(self.sigma)}"
 
     @property
     def text(self) -> str:
-        """Text of the number in mm."""
+        """Text of the fold's number in millimetres."""
         return millimetres(self.value, signed=True)
 
     @property
     def history(self) -> str:
-        """Words on the same number of the folds before; empty without one."""
+        """Words on the same number of earlier folds; empty where there are none."""
         earlier = self.earlier
         if not earlier:
             return ""
@@ -101,12 +105,16 @@ class KeyFigure:
 
     @property
     def place(self) -> float:
-        """Where the number is drawn, from -100 to 100."""
+        """Position at which the page draws the fold's number on a scale from -100 to
+        100.
+        """
         return self._placed(self.value)
 
     @property
     def others(self) -> list[float]:
-        """Where the earlier numbers are drawn."""
+        """Positions at which the page draws the numbers of earlier folds on a scale
+        from -100 to 100.
+        """
         return [self._placed(value) for value in self.earlier]
 
     def _placed(self, value: float) -> float:
@@ -115,8 +123,8 @@ class KeyFigure:
 
 
 def weights(run: Run, truth: Mapping[str, Any]) -> list[KeyFigure]:
-    """Numbers of weight on a fold: edges, touch, difference from what was predicted;
-    none where nothing was measured. `truth` is the plant's motion on the twin.
+    """Main numbers on a fold, such as the offset of its edges, with the simulated
+    strip's `truth` on the twin; empty where nothing was measured.
     """
     own = run.result
     if own is None or own.displacement is None:
@@ -207,8 +215,8 @@ def _fold_verdict(run: Run, result: Result, displacement: float) -> PageVerdict:
 
 
 def _doubts(result: Result) -> list[str]:
-    """Sentences on what speaks against a fold, each with what to do: the reason of
-    another end than a touch, lengths that differ, a strip unlike its model.
+    """Sentences on what casts doubt on a fold's result, each with what to
+    do about it.
     """
     agreement = result.agreement
     reasons: list[str | None] = [note.reason for note in result.witnesses]
@@ -239,7 +247,7 @@ def _next_step(run: Run, tone: Tone) -> str:
 
 
 def _line_sentence(line: float) -> str:
-    """Sentence on a fold `line` [m] from the grasped edge."""
+    """Sentence on a fold whose crease is to lie `line` [m] from the grasped edge."""
     return (
         f"Folded along a line {millimetres(line)} from the grasped edge, to which all"
         " lengths below are relative."

@@ -151,7 +151,7 @@ def _trend_figure(rows: Sequence[RunRow]) -> str:
 
 
 def _cells(row: RunRow, folder: Path) -> tuple[str | Link, ...]:
-    """Table cells of a run in the list."""
+    """Table cells of a run in the page that lists runs."""
     duration = "" if row.duration is None else f"{row.duration:.1f}"
     notes = " · ".join(filter(None, (row.tags, row.note)))
     lengths = (offset.replace("-", MINUS) for offset in row.offsets[::-1])
@@ -304,7 +304,7 @@ def _nearest_first(
 
 
 def _listed(offsets: Sequence[tuple[str, float]]) -> str:
-    """Text of the first NAMED of the `offsets` [m] by run."""
+    """Text that names the first NAMED runs with their `offsets` [m]."""
     return ", ".join(
         f"{name}: {millimetres(d, signed=True)}" for name, d in offsets[:NAMED]
     )

@@ -72,8 +72,8 @@ def open_viewer(address: str) -> None:
 
 
 def _free_port() -> int:
-    """Number of a free TCP port on the loopback: that on which a viewer looks, if it
-    is.
+    """Number of a free TCP port on the loopback, preferably the one at which a viewer
+    looks.
     """
     for wanted in (VIEWER_PORT, 0):
         with socket.socket() as probe, suppress(OSError):

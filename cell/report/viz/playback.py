@@ -45,7 +45,9 @@ class TickView:
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    """Line of the log at `clock` [s] and `t` [s]; `alarm` marks a fault."""
+    """Line of a run's log at `clock` [s] of the cell and `t` [s] since the lift;
+    `alarm` marks a fault.
+    """
 
     clock: float
     text: str

@@ -129,7 +129,9 @@ def viz_from_run(folder: Path) -> Path:
 
 
 class Rows:
-    """Rows of one entity of a recording, buffered over time and sent in one piece."""
+    """Rows of one entity of a Rerun recording, buffered over time and sent in one
+    piece.
+    """
 
     def __init__(self, entity: str, compose: Compose) -> None:
         """Buffer rows of `entity`, which `compose` turns into Rerun's columns."""
@@ -156,7 +158,9 @@ class Rows:
 
 
 def _times(t: Any, clock: Any) -> list[rr.TimeColumn]:
-    """Columns of rows at `t` since the lift and on the cell's `clock` (n,) [s]."""
+    """Time columns of Rerun for rows at `t` (n,) [s] since the lift and at `clock` (n,)
+    [s] of the cell.
+    """
     timelines = {"t": t, "clock": clock}
     return [rr.TimeColumn(name, duration=at) for name, at in timelines.items()]
 
@@ -193,7 +197,7 @@ class RerunWriter:
         self._has_picture = False
 
     def begin(self, run: Run) -> None:
-        """Draw what stands still in a `run`."""
+        """Draw the parts of a `run` that stand still, such as desk and camera."""
         cell = _installation_of(run)
         self._has_joints = (run.folder / JOINTS).is_file()
         desk = scene.surroundings(self._length, self._width, cell)
@@ -218,7 +222,9 @@ class RerunWriter:
             self._send()
 
     def finish(self, run: Run) -> None:
-        """Send what still waits, and add what is known of a `run` at its end."""
+        """Send the rows still buffered, and add what the record of `run` knows at its
+        end.
+        """
         self._send()
         self._draw_arm(run)
         self._to.log(VERDICT, saving.document(_verdict_text(run)), static=True)
@@ -261,7 +267,7 @@ class RerunWriter:
         self._add(MEASURED_EDGE, scene.lines, moment, edge)
 
     def _draw_picture(self, tick: TickView, image: Image) -> None:
-        """Draw an image, and what was read in it, if it was."""
+        """Draw a camera image and, where it was measured, the measurement in it."""
         moment = tick if self._has_picture else replace(tick, t=0.0)
         self._has_picture = True
         picture = jpeg(image, PICTURE_WIDTH)
@@ -416,7 +422,9 @@ def _size(strip: StripFile | None) -> tuple[float, float]:
 
 
 def _looks() -> Mapping[str, Any]:
-    """Static looks by entity of what moves: lines, marks, images, states, curves."""
+    """Unchanging styles, by entity, of what moves in the recording: lines, marks,
+    images, states, curves.
+    """
     looks = {
         MEASURED_EDGE: rr.LineStrips3D.from_fields(colors=SEEN_RGBA, radii=scene.EDGE),
         SIMULATED: rr.LineStrips3D.from_fields(colors=MODEL_RGBA, radii=scene.EDGE),
@@ -435,7 +443,9 @@ def _looks() -> Mapping[str, Any]:
 
 
 def _camera_view(length: float, calibration: Calibration | None) -> Any:
-    """View of the camera's image with what was read in it, cut to the fold."""
+    """Rerun view of the camera's image with its measurements drawn in, cropped to the
+    fold.
+    """
     bounds = None
     if calibration is not None:
         scale = PICTURE_WIDTH / calibration.lens.width
@@ -451,15 +461,15 @@ def _camera_view(length: float, calibration: Calibration | None) -> Any:
 
 
 def _axis(end: float) -> Any:
-    """Axis of time from 0 to `end` [s]."""
+    """Time axis of a Rerun view from 0 to `end` [s]."""
     boundary = rr.TimeRangeBoundary.absolute
     span = rr.TimeRange(start=boundary(seconds=0.0), end=boundary(seconds=end))
     return rrb.TimeAxis(view_range=span)
 
 
 def _outlook(axis: Any) -> Any:
-    """Tabs of the policy's predictions: displacement and each parameter, with their
-    intervals.
+    """Rerun tabs of the policy's predictions: displacement and each parameter, with
+    their intervals.
     """
     views = [
         rrb.TimeSeriesView(
@@ -474,7 +484,7 @@ def _outlook(axis: Any) -> Any:
 
 
 def _log_view_columns() -> Any:
-    """Columns of the log: time and text."""
+    """Columns of Rerun's view of the log: time and text."""
     return rrb.TextLogColumns(
         timeline_columns=["t"],
         text_log_columns=[rrb.components.TextLogColumn("Body")],

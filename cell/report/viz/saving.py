@@ -105,5 +105,5 @@ def curves(origin: str, name: str, *, axis: Any = None, left: bool = False) -> A
 
 
 def document(text: str) -> Any:
-    """Text in Markdown."""
+    """Rerun document with `text` in Markdown."""
     return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
