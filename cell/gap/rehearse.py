@@ -124,7 +124,8 @@ def _path_of_run(run: MeasuredRun) -> GripperPath:
 def _copies_with_each_effect(
     strip: StripFile, runs: Sequence[MeasuredRun]
 ) -> tuple[list[HiddenCopy], list[str]]:
-    """Copies with one hidden effect each, just large enough to leave EXCESS [sigma].
+    """Copies of the runs with one hidden effect each, just large enough to leave an
+    excess residual of EXCESS sigma.
 
     Effects that the refitted `strip` has already are left out; the noise is that of the
     first run. Second, the names of the effects that leave such a gap at no believable
@@ -250,8 +251,8 @@ def progress_line(record: Record) -> str:
 
 
 def _answer(outcome: Mapping[str, Any]) -> str:
-    """Names with confidence, classes of effects, or verdict on a copy, as short
-    text.
+    """Short text of the verdict on a copy: names with confidence, classes of effects,
+    or the kind of verdict.
     """
     named = ", ".join(outcome["named"])
     if not named:

@@ -44,7 +44,7 @@ class RunScenes(NamedTuple):
 
     @property
     def measured(self) -> Scene:
-        """Drawing of the run as it was measured."""
+        """Scene of the run as it was measured."""
         return self.scenes["measured"]
 
 
@@ -290,7 +290,7 @@ def _midline(axis: Axes, run: RunScenes, k: int) -> None:
 
 
 def _legend_above(figure: Figure, axis: Axes) -> None:
-    """Put the legend of `axis` above all axes of `figure`."""
+    """Put the legend of `axis` above all axes of the Matplotlib `figure`."""
     figure.legend(*axis.get_legend_handles_labels(), ncols=3, loc="outside upper left")
 
 

@@ -20,7 +20,8 @@ ALPHA = 0.01  # probability of a false alarm, family-wise; customary
 
 
 class LikelihoodScale(NamedTuple):
-    """Dispersion and statistical inefficiency by which all log-likelihoods are divided.
+    """Dispersion and statistical inefficiency of residuals, by which all
+    log-likelihoods of models are divided.
 
     Where even the best model leaves more than noise, or leaves it correlated,
     log-likelihoods shrink by as much (quasi-likelihood: McCullagh and Nelder 1989,
@@ -32,7 +33,9 @@ class LikelihoodScale(NamedTuple):
 
 
 def best_fitting(models: Sequence[CrossValidatedFit]) -> FitEstimate:
-    """That one of `models` that fits best: by dispersion, then by loss."""
+    """Fit of that one of `models` whose residuals have the smallest dispersion or,
+    among equals, the smallest objective.
+    """
     return min(models, key=lambda fit: (fit.scale, fit.objective))
 
 
@@ -47,8 +50,8 @@ def likelihood_scale(models: Sequence[CrossValidatedFit]) -> LikelihoodScale:
 def gains(
     model: CrossValidatedFit, other: CrossValidatedFit, likelihood: LikelihoodScale
 ) -> Array:
-    """Log predictive likelihood ratios (R,) [nats] of `model` to `other`, nested or
-    not, by run.
+    """Log predictive likelihood ratio (runs,) [nats] of `model` to `other` for each
+    run; the models need not be nested.
     """
     ahead = other.losses(likelihood.scale) - model.losses(likelihood.scale)
     return ahead / likelihood.inefficiency
@@ -86,7 +89,7 @@ class Fits:
         return likelihood_scale(self.models)
 
     def of_size(self, size: int) -> list[CrossValidatedFit]:
-        """Models of `size` effects, the one that predicts best first."""
+        """Fitted models with `size` effects, the one that predicts best first."""
         return _by_loss(
             [model for model in self.models if len(model.effects) == size],
             self.likelihood,
@@ -100,13 +103,15 @@ class Fits:
 
     @property
     def best(self) -> CrossValidatedFit:
-        """The model that predicts runs left out best, whatever its number of
+        """Fitted model that predicts left-out runs best, whatever its number of
         effects.
         """
         return _by_loss(self.models, self.likelihood)[0]
 
     def near_best(self, size: int) -> list[CrossValidatedFit]:
-        """Models of `size` effects with more than GAIN_SHARE of the best one's gain."""
+        """Fitted models with `size` effects that reach more than GAIN_SHARE of the best
+        one's gain.
+        """
         if not size:
             return []
         nats = [
@@ -117,8 +122,8 @@ class Fits:
         return [m for m, n in nats if n > GAIN_SHARE * most]
 
     def merge(self, more: Sequence[CrossValidatedFit]) -> "Fits":
-        """Copy with the models `more` added; of two with equal effects the better fit
-        is kept.
+        """Copy of the fits with the models `more` added; of two models with equal
+        effects the better fit is kept.
         """
         merged = {model.names: model for model in self.models}
         for model in more:

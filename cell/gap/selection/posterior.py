@@ -39,8 +39,8 @@ CANCELLED = 0.05
 
 
 class Beliefs(StudyResult):
-    """Prior of the effects as beliefs.yaml states it: expected number, sizes, errors of
-    laws.
+    """Prior on effects as beliefs.yaml states it: how many are expected, their sizes,
+    and errors of their laws.
 
     Of the library `expected` effects are present. The spike prior of an absent one has
     a response of this share (one sigma, `immaterial`) of what the floor allows. The
@@ -132,8 +132,8 @@ class Posterior(NamedTuple):
         return dict(sorted(shares.items(), key=lambda each: (-each[1], each[0])))
 
     def log_odds(self, holds: Callable[[frozenset[str]], bool]) -> float:
-        """Log-odds [nats] that the true set of effects satisfies `holds`; infinite if
-        all do.
+        """Log-odds [nats] that the true set of effects satisfies the condition `holds`;
+        infinite if all sets do.
 
         A set that does counts against it where one cause in place of two effects would
         not.
@@ -208,8 +208,8 @@ def shared_causes(fit: FitEstimate, odds: float) -> list[tuple[frozenset[str], f
 
 
 def _displacement(parameters: Sequence[Parameter], amounts: Array) -> float:
-    """Distance [m] by which `amounts` (k,) of an effect's `parameters` displace
-    something.
+    """Distance [m] by which an effect with the amounts `amounts` (k,) of its
+    `parameters` displaces something.
     """
     lengths = [p.unit == "m" and p.is_amount for p in parameters]
     return float(np.linalg.norm(amounts[lengths]))
@@ -229,7 +229,8 @@ class _SharedTerms(NamedTuple):
     def of(
         cls, fits: Fits, likelihood: LikelihoodScale, prior: Beliefs
     ) -> "_SharedTerms":
-        """Weights of samples and spikes that the evidence of all sets in `fits` shares.
+        """Weights of the samples and spike responses that the evidence of all sets of
+        effects in `fits` shares.
 
         Wild samples are those of the best fit: at its own, a bad model would call wild
         what it does not explain.
@@ -288,8 +289,8 @@ class _SharedTerms(NamedTuple):
         return nats + _truncation(limits, minimum, variances, laws)
 
     def _whiten(self, columns: Array, law_error: Array) -> tuple[Array, float]:
-        """Columns (N, k) whitened by noise and `law_error` (N,), and the log
-        determinant.
+        """Columns (samples, k) whitened by the noise and by `law_error` (samples,), and
+        the log determinant of that.
         """
         weighed = columns * self.weight[:, None]
         error = law_error * self.weight

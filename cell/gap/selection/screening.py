@@ -60,8 +60,8 @@ class Score:
 
     @property
     def starts(self) -> list[dict[str, Array]]:
-        """Start values (k,) by effect for each fit to try; effects without one start at
-        null.
+        """Start values (k,) by effect for each fit that is to be tried; effects without
+        one start at null.
         """
         starts: list[dict[str, Array]] = [{}]
         if not self.linear:
@@ -72,16 +72,16 @@ class Score:
         return [{**self._origin_values, **values} for values in starts]
 
     def joined_to(self, fit: FitEstimate) -> "Score":
-        """Copy that adds the effects to those of `fit`, and starts from the values of
-        that fit.
+        """Copy of the score that adds its effects to those of `fit`, and starts from
+        the values of that fit.
         """
         names = tuple(sorted({*fit.names, *self.names}))
         return replace(self, names=names, origin=fit)
 
     @property
     def _origin_values(self) -> dict[str, Array]:
-        """Values (k,), by effect of this score, that the fit `origin` has; empty
-        without one.
+        """Values (k,) of this score's effects in the fit `origin` that it extends, by
+        effect; empty without one.
         """
         if not self.origin:
             return {}
@@ -127,8 +127,8 @@ def _with_effects(
 
 
 def _secants(origin: FitEstimate, model: Model, score: Score) -> Sequence[Array] | None:
-    """Jacobians (n, shared + local) of each run for `model`, from `origin` with fewer
-    effects.
+    """Jacobian (samples, unknowns) of each run for `model`, from `origin` with fewer
+    effects; None where an effect was not screened there.
 
     None where one of the effects was not screened there.
     """
@@ -150,7 +150,7 @@ def _secants(origin: FitEstimate, model: Model, score: Score) -> Sequence[Array]
 
 
 class ProbeResponses(NamedTuple):
-    """Whitened responses (N, probes) of all samples to each group of a candidate
+    """Whitened responses (samples, probes) of all runs to each group of a candidate
     effect's probes.
 
     The first group holds steps from null, one parameter at a time; the others are the
@@ -168,8 +168,8 @@ class ProbeResponses(NamedTuple):
 
     @property
     def secants(self) -> Array:
-        """Derivatives (N, parameters) of the whitened residuals at the null of the
-        effect.
+        """Derivatives (samples, parameters) of the whitened residuals by the effect's
+        parameters at its null.
         """
         moved = np.array([v - self.candidate.null for v in self.groups[0]])
         slopes: Array = self.responses[0] / np.diag(moved)
@@ -177,7 +177,9 @@ class ProbeResponses(NamedTuple):
 
     @property
     def dead(self) -> bool:
-        """Whether the effect changes nothing in these runs at any of its probes."""
+        """Whether the effect changes nothing in the measured runs at any of
+        its probes.
+        """
         return all(
             np.abs(response).max(initial=0.0) < DEAD for response in self.responses
         )
@@ -202,8 +204,8 @@ class ProbeResponses(NamedTuple):
 
 
 def run_probes(base: FitEstimate, candidate: Candidate) -> Task[ProbeResponses]:
-    """Simulate an effect's probes at the fit `base` and return the responses; yields
-    requests.
+    """Simulate an effect's probes at the fit `base` and return the responses; a task
+    that yields simulation requests.
     """
     model = Model(base.model.base, (*base.effects, candidate))
     probes = tuple(
@@ -276,8 +278,8 @@ def ranked_singles(equations: ProbeEquations) -> list[Score]:
 def ranked_pairs(
     equations: ProbeEquations, among: int, least: float = 0.0
 ) -> list[Score]:
-    """Scores of the best `among` pairs of effects that gain over `least` [nats], best
-    first.
+    """Scores of the best `among` pairs of effects whose gain is over `least` [nats],
+    the largest gain first.
 
     Two effects whose responses nearly cancel gain little alone and much together, so
     that all pairs compete, not those of the best single ones.
@@ -342,7 +344,7 @@ def _opposite_sign(
     equations: ProbeEquations, p: ProbeResponses, best: Score
 ) -> dict[str, Array] | None:
     """Parameter values (k,) by effect that gain most with the sign opposite to `best`;
-    or None.
+    None where there are none.
 
     None where it has no place, or gains with one sign only.
     """

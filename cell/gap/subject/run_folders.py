@@ -65,7 +65,9 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
 
 
 def _check_heads(folders: Sequence[Path]) -> None:
-    """Refuse folders that hold a run's table but no header file."""
+    """Raise ConfigurationError for folders that hold a run's table but no
+    header file.
+    """
     for folder in sorted(folders):
         tables = [name for name in TABLES if (folder / name).is_file()]
         if tables and not (folder / RUN).is_file():

@@ -53,7 +53,7 @@ OWNERS = {
 
 
 def _named(spec: Settings, *keys: str) -> list[str]:
-    """Those of the `keys` that an entry states."""
+    """Names of those `keys` that an entry of the mechanism file states."""
     return [key for key in keys if getattr(spec, key) is not None]
 
 
@@ -98,7 +98,7 @@ class SignalSpec(Settings):
 
     @property
     def owner(self) -> str:
-        """Kind of what the signal is read at."""
+        """Kind of what the signal is read at: joint, actuator, site or sensor."""
         return _named(self, *OWNERS)[0]
 
     @property
@@ -138,7 +138,9 @@ class UncertainSpec(Settings):
 
     @model_validator(mode="after")
     def _owner(self) -> Self:
-        """Refuse an owner that does not have the field."""
+        """Validate the entry: raises ValueError for an owner that does not have the
+        field.
+        """
         field = self.field
         owner, _ = FIELDS[field]
         if _named(self, "body", "joint", "actuator") != [owner]:

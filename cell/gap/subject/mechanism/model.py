@@ -158,7 +158,9 @@ class Mechanism:
 
     @property
     def mode(self) -> PredictionMode:
-        """Mode of comparison."""
+        """Mode in which the mechanism is compared with its runs, such as forward or
+        inverse dynamics.
+        """
         return MODES[self.file.mode]
 
     def compared(self, kind: str) -> tuple[Signal, ...]:
@@ -169,7 +171,9 @@ class Mechanism:
 
     @property
     def places(self) -> dict[str, str]:
-        """Column of a recording that holds the position of a joint, by joints."""
+        """Name of the recording's column that holds a joint's position, by the joint's
+        name.
+        """
         signals = self.file.signals.items()
         found = {s.joint: n for n, s in signals if s.joint and s.is_ == "position"}
         given = {n: n for n, kind in self.file.inputs.items() if kind == "position"}

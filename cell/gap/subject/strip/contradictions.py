@@ -40,7 +40,8 @@ DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
 
 
 class Contradiction(NamedTuple):
-    """What of a `file` is `off` by how much (n,) [m, rad, s], and the limits of that.
+    """How far a recorded fold contradicts itself in one respect: `off` (n,) [m, rad,
+    s], its `file`, and limits on `off`.
 
     Beyond the first limit the median is noted, beyond the last one refused.
     """
@@ -67,7 +68,9 @@ def contradictions(
 
 
 def _misses_of_rows(run: Run) -> Iterator[Contradiction]:
-    """Contradictions of the times of rows, and of commands with what was measured."""
+    """Contradictions between the recorded times of rows, and between commanded and
+    measured motion.
+    """
     ticks = run.ticks
     t = run.ticks.t
     z = run.ticks.z
@@ -83,8 +86,8 @@ def _misses_of_rows(run: Run) -> Iterator[Contradiction]:
 
 
 def _misses_of_start(run: Run, length: float) -> Iterator[Contradiction]:
-    """Contradictions of the first row with a start of its kind, of a strip's
-    `length`.
+    """Contradictions of a fold's first row with how a fold of a strip of `length` [m]
+    starts.
     """
     ticks = run.ticks
     x = float(ticks.x[0])
@@ -102,8 +105,8 @@ def _misses_of_start(run: Run, length: float) -> Iterator[Contradiction]:
 
 
 def _misses_of_path(run: Run, length: float) -> Iterator[Contradiction]:
-    """Contradictions of the gripper's path and the contacts with a strip of a
-    `length`.
+    """Contradictions of the gripper's path and the desk contacts with a strip of
+    `length` [m].
     """
     ticks = run.ticks
     x = ticks.x
@@ -135,8 +138,8 @@ def _miss_of_displacement(
 
 
 def _misses_of_touch(run: Run, touch: Touch, length: float) -> Iterator[Contradiction]:
-    """Contradictions of l1 and l2 with the strip's `length` and the way to the
-    gripper.
+    """Contradictions of the touch's lengths l1 and l2 with the strip's `length` [m] and
+    the distance to the gripper.
     """
     l1 = touch.to_grasped
     l2 = touch.to_fixed

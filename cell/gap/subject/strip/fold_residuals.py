@@ -118,7 +118,7 @@ def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True)
 class SampleGroups:
-    """Readings of one channel grouped into k samples: sorted by `order`, split at
+    """Readings of one channel grouped into k samples: sorted by `order` and split at
     `edges` (k + 1,).
 
     `order` (n,) are indices of readings. Of each sample (k,): `phase`, `zone`, mean
@@ -246,7 +246,7 @@ def _part(
 
 
 def _ranks(words: Words, order: Sequence[str]) -> Array:
-    """Place (n,) of each of `words` (n,) in `order`."""
+    """Position (n,) of each of `words` (n,) in the list `order`."""
     rank = {word: i for i, word in enumerate(order)}
     return np.array([rank[word] for word in words], dtype=np.float64)
 
@@ -446,8 +446,8 @@ def simulated_touch(
 
 
 def _touch_values(touch: Touch) -> Array:
-    """Time [s], mean distance [m] to both edges, and displacement [m] of a touch,
-    (3,).
+    """Values (3,) of a touch: its time [s], mean distance [m] to both edges, and
+    displacement [m].
     """
     distance = 0.5 * (touch.to_grasped + touch.to_fixed)
     return np.array([touch.time, distance, touch.displacement])

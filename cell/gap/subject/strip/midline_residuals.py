@@ -52,8 +52,8 @@ def curvature(before: Any, after: Any) -> Any:
 def _distances_to_segment(
     curve: Any, q: int, base: Any, bend: float, x: float, z: float
 ) -> Any:
-    """Distance [m] of point x, z from segment `q`, and signed one (left positive) from
-    its arc.
+    """Distance [m] of the point x, z from segment `q` of a curve, and the signed one
+    (left positive) from its arc.
 
     The arc over the segment's chord `base` has the mean curvature `bend` [1/m].
     """

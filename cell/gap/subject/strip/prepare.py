@@ -92,12 +92,12 @@ class PreparedFold:
 
     @property
     def run(self) -> MeasuredRun:
-        """The measured fold."""
+        """Measured fold that was prepared."""
         return self.residuals.run
 
     @property
     def samples(self) -> Samples:
-        """Samples of the fold."""
+        """Samples of the prepared fold."""
         return self.residuals.layout.samples
 
     def job(self, hashed: Hashed[StripModel]) -> Job:
@@ -116,8 +116,8 @@ class PreparedFold:
     def correct(
         self, residuals: Residuals, run: FitRun, run_values: Array
     ) -> Residuals:
-        """`residuals` of a coarse rod less grid error, moved linearly to `run_values`
-        (k,).
+        """Copy of `residuals` of a coarse rod with its grid error removed, moved
+        linearly to `run_values` (k,).
         """
         mean = residuals.mean - self.linearisation.grid_error
         for p, value in zip(run.local, run_values, strict=True):
@@ -304,7 +304,9 @@ def relinearise(run: FitRun, about: Linearisation) -> FitRun:
 
 
 def _drop_large(change: Array, limit: Array) -> Array:
-    """`change` (n,) with zeros in place of NaN and of values beyond `limit` (n,)."""
+    """Copy of `change` (n,) with zeros in place of NaN and of values beyond `limit`
+    (n,).
+    """
     finite = np.nan_to_num(change)
     return np.where(np.abs(finite) < limit, finite, 0.0)
 

@@ -80,8 +80,8 @@ def _can_simulate(effect: Effect, strip: StripFile) -> bool:
 
 
 def _base(strip: StripFile, *, has_force: bool) -> list[Parameter]:
-    """Base parameters of a strip: bending length, retardation time, and density with a
-    force.
+    """Base parameters of a strip: bending length, retardation time and, where force is
+    measured, areal density.
 
     At one bending length the areal density changes only force and air drag.
     """
@@ -183,8 +183,8 @@ def _parameters(effect: Effect, strip: StripFile) -> list[Parameter]:
 
 
 def _fitted(p: Parameter, length: float, step: float, spread: float) -> Parameter:
-    """Parameter as it is fitted to a strip of `length` [m]; an amount has `step` and
-    `spread`.
+    """Copy of the parameter `p` as it is fitted to a strip of `length` [m]; an amount
+    has `step` and `spread`.
     """
     if p.role == "place":
         low = max(p.low, 0.0)

@@ -28,7 +28,7 @@ REMEMBERED = 96 * 2**20  # bytes of the cache: few motions are asked for again, 
 
 
 class Resolution(NamedTuple):
-    """Resolution of the rod: `segments`, and time step `dt` [s]."""
+    """Resolution of a simulated rod: number of `segments`, and time step `dt` [s]."""
 
     segments: int
     dt: float
@@ -78,7 +78,7 @@ class Job(NamedTuple):
 
     @property
     def key(self) -> bytes:
-        """Digest of all inputs that determine a simulated motion."""
+        """Digest of all inputs that determine the job's simulated motion."""
         return self.digest + struct.pack("<id", *self.resolution)
 
 
@@ -101,12 +101,12 @@ class SimulatedMotion(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Memory that a simulated motion takes [bytes]."""
+        """Memory [bytes] that the simulated motion takes."""
         return int(self.shapes.nbytes + 7 * self.t.nbytes)
 
     def index_at(self, time: Array) -> Array:
-        """Fractional index (k,) of the shapes at times (k,) [s]; may lie beyond either
-        end.
+        """Fractional index (k,) into the simulated shapes at each time of `time` (k,)
+        [s]; may lie beyond either end.
         """
         return (time - self.begin) / SHAPE_PERIOD
 

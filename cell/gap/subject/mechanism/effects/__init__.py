@@ -106,7 +106,8 @@ class TorqueLaws:
 
 
 def _callback(law: Any, model: Any, slots: int) -> Any:
-    """Compiled `mjcb_passive` of MuJoCo that adds the torque `law` of every joint.
+    """Compiled callback (MuJoCo's `mjcb_passive`) that adds the torque `law` to every
+    joint.
 
     Arrays are found by the address that each has in a `model`, for the layout of
     MuJoCo's structs changes with its version.

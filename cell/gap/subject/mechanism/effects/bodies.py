@@ -37,7 +37,9 @@ def _moving_bodies(mechanism: Mechanism) -> list[int]:
 
 
 def _edit_inertia(mechanism: Mechanism, values: Array, edited: Any) -> None:
-    """Scale mass and inertia of each moving body by 1 + its error."""
+    """Scale mass and inertia of each moving body in the MuJoCo model `edited` by 1 +
+    its error in `values`.
+    """
     for i, error in zip(_moving_bodies(mechanism), values, strict=True):
         edited.body_mass[i] *= 1.0 + error
         edited.body_inertia[i] *= 1.0 + error
@@ -53,8 +55,8 @@ def _carried_bodies(mechanism: Mechanism) -> list[int]:
 
 
 def _place_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Offsets [m] of carried bodies along the axes of their parents, by the longest
-    link.
+    """Parameters of the carried bodies' offsets [m] along the axes of their parents,
+    with a spread set by the longest link.
     """
     model = mechanism.model
     bodies = _carried_bodies(mechanism)
@@ -76,12 +78,16 @@ def _place_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _edit_places(mechanism: Mechanism, values: Array, edited: Any) -> None:
-    """Move the carried bodies by their offsets [m]."""
+    """Move the carried bodies in the MuJoCo model `edited` by the offsets
+    `values` [m].
+    """
     edited.body_pos[_carried_bodies(mechanism)] += values.reshape(-1, 3)
 
 
 def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Offsets of the last body's centre of mass along its axes [m]."""
+    """Parameters of the offsets [m] of the last body's centre of mass along
+    its axes.
+    """
     size = 0.01 * max(np.abs(mechanism.model.body_ipos).max(), 0.01)
     return tuple(
         p for axis in "xyz" for p in single_parameter(axis, "m", size, signed=True)
@@ -99,8 +105,8 @@ def _edit_drag(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def _lean(edited: Any, x: float, y: float) -> None:
-    """Rotate the gravity of a model by `x` [rad] about its x axis, then by `y` [rad]
-    about y.
+    """Rotate the gravity of the MuJoCo model `edited` by `x` [rad] about its x axis,
+    then by `y` [rad] about y.
     """
     gravity = edited.opt.gravity
     gravity[:] = Rotation.from_euler("xy", [x, y]).apply(gravity)

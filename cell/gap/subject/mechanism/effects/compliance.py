@@ -45,8 +45,8 @@ def _edit_spring(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def _sway_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Compliances of the base along and about the axes of the world, and its
-    frequency.
+    """Parameters of a swaying base: compliances along and about the world's axes, and
+    its natural frequency and damping.
     """
     kinds = (
         ("compliance", "m/N", float(mechanism.model.body_mass.sum())),

@@ -20,7 +20,9 @@ ORDER = 6.0  # periods of a torque ripple in a turn, where nothing says otherwis
 
 
 def _edit_constant(mechanism: Mechanism, values: Array, edited: Any) -> None:
-    """Scale gain and bias of each motor by 1 + its error."""
+    """Scale gain and bias of each motor in the MuJoCo model `edited` by 1 + its error
+    in `values`.
+    """
     for joint, error in zip(mechanism.driven.joints, values, strict=True):
         scale_gain(edited, joint.actuator, 1.0 + error)
 
@@ -33,9 +35,7 @@ def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Order and phase [rad] of cogging; less than 3/4 of a wave in the travel is like a
-    spring.
-    """
+    """Shape parameters of cogging torque: its order and phase [rad] for each joint."""
     driven = mechanism.driven
     orders = []
     for joint in driven.joints:
@@ -76,7 +76,9 @@ def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Reciprocals [1/(N m)] of the largest torque of each motor."""
+    """Parameters of motor saturation: reciprocal [1/(N m)] of the largest torque of
+    each motor.
+    """
     found = []
     for joint in mechanism.driven.joints:
         usual = 1.0 / joint.torque
@@ -99,7 +101,9 @@ def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _edit_saturation(mechanism: Mechanism, values: Array, edited: Any) -> None:
-    """Narrow the force range of each motor to its largest torque."""
+    """Narrow the force range of each motor in the MuJoCo model `edited` to its largest
+    torque.
+    """
     for joint, inverse in zip(mechanism.driven.joints, values, strict=True):
         if inverse != 0.0:
             limits = edited.actuator_forcerange[joint.actuator]

@@ -30,15 +30,17 @@ YIELD = 0.02
 
 
 def _dry_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Parameters of dry friction: torque [N m] of each joint, share of its gear's load
-    if known.
+    """Parameters of dry friction: its torque [N m] in each joint, and its share of the
+    gear's load where that is known.
     """
     torques = per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque)
     return torques + (_loads(mechanism) if mechanism.mode.loads else ())
 
 
 def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Parameters of friction torque per torque at the gear of each joint [1]."""
+    """Parameters of friction that grows with load: friction torque per torque at the
+    gear of each joint [1].
+    """
     ones = np.ones(len(mechanism.joints))
     return per_joint(mechanism, "load", "1", 0.01 * ones, high=100.0)
 
@@ -91,7 +93,9 @@ def _quadratic_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _presliding_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Torques [N m] at which the elastic contacts of each joint begin to slide."""
+    """Shape parameters of presliding: torque [N m] at which each joint's elastic
+    contacts begin to slide.
+    """
     starts = 0.05 * mechanism.torque
     bounds = (0.02, 20.0)
     return shapes(
