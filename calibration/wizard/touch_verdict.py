@@ -336,17 +336,19 @@ def _halves_mm(
     """Difference [mm] over the work area between maps from two random halves of the
     points.
     """
-    ordered = sorted(points, key=lambda p: (*p.position, p.number))
-    order = np.random.default_rng(0).permutation(len(ordered))
-    if len(ordered) < 2 * HALF_POINTS:
+    if len(points) < 2 * HALF_POINTS:
         return nan
-    pixels = lens.undistort(np.array([p.pixel for p in ordered]))
-    positions = np.array([p.position for p in ordered])
+    ordered = sorted(points, key=lambda point: (*point.position, point.number))
+    pixels = lens.undistort(np.array([point.pixel for point in ordered]))
+    positions = np.array([point.position for point in ordered])
+
+    order = np.random.default_rng(0).permutation(len(ordered))
     one, other = (
         homography_of(pixels[half], positions[half])
         for half in (order[::2], order[1::2])
     )
 
+    # over a grid of the work area
     x = np.linspace(settings.x_min, settings.x_max, 7)
     z = np.linspace(settings.z_min, settings.z_max, 5)
     area = np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)

@@ -258,15 +258,16 @@ def camera_move(
     moment = min(fits, key=lambda n: fits[n][0])
     cost, shift, sigma = fits[moment]
 
+    # the shift in the middle of the points
     middle = homography.to_image(positions.mean(axis=0)[None])[0]
     before, after = homography.to_plane(np.array([middle, middle + shift]))
     shift_mm = 1e3 * float(lengths(after - before))
-    size = lengths(shift)
-    if shift_mm < least_mm or size < MOVE_SIGMA * sigma or not np.isfinite(cost):
+    shift_px = float(lengths(shift))
+    is_clear = shift_px >= MOVE_SIGMA * sigma and np.isfinite(cost)
+    if shift_mm < least_mm or not is_clear:
         return None
-    return Move(
-        ordered[moment - 1].number, shift_mm, 1e3 * float(size / lens.matrix[0, 0])
-    )
+    mrad = 1e3 * (shift_px / float(lens.matrix[0, 0]))
+    return Move(ordered[moment - 1].number, shift_mm, mrad)
 
 
 def _fit_move(

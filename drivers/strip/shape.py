@@ -177,9 +177,12 @@ def _refine_tip(x: Any, z: Any, j: int) -> Any:
         return x[j], z[j]
     offset = _vertex(x[j - 1], x[j], x[j + 1])
     tip_x = x[j] - 0.25 * (x[j - 1] - x[j + 1]) * offset
+
+    # z at the vertex of x, by a parabola as well
     slope = 0.5 * (z[j + 1] - z[j - 1])
     bend = z[j - 1] - 2 * z[j] + z[j + 1]
-    return tip_x, z[j] + offset * slope + 0.5 * offset**2 * bend
+    tip_z = z[j] + offset * slope + 0.5 * offset**2 * bend
+    return tip_x, tip_z
 
 
 @kernel

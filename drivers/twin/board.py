@@ -83,16 +83,20 @@ def _draw_board(
     glow: Pixels,
 ) -> None:
     """Draw `board` at `pose` (4, 4) into `image` (h, w, 3), in place."""
+    # the sheet's corners in the cell
     square = board.getSquareLength()
     half = (np.array(board.getChessboardSize()) / 2 + QUIET_ZONE) * square
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
-    placed = np.column_stack([corners, np.zeros(4)]) @ pose[:3, :3].T + pose[:3, 3]
+    turn = pose[:3, :3]
+    placed = np.column_stack([corners, np.zeros(4)]) @ turn.T + pose[:3, 3]
+
     depth = float(((placed - optics.centre) @ optics.rotation[2]).min())
     if depth <= 0:
         raise ConfigurationError(
             "board: pose: is behind the camera; hold the board before it"
         )
 
+    # the part of the image that it covers
     pixels = optics.project(placed)
     size = image.shape[1::-1]
     first = np.floor(pixels.min(axis=0)).astype(int) - BORDER

@@ -69,8 +69,13 @@ def _display_gaps(
     for run, square in zip(runs, squares_by_run, strict=True):
         for name, mean in _mean_by_word(run.samples.quantity, square).items():
             squares[name].append(mean)
-    means = {quantities[name]: np.mean(values) for name, values in squares.items()}
-    return {q.key: q.factor * np.sqrt(mean) for q, mean in means.items() if q.key}
+
+    gaps = {}
+    for name, means in squares.items():
+        quantity = quantities[name]
+        if quantity.key:
+            gaps[quantity.key] = quantity.factor * np.sqrt(np.mean(means))
+    return gaps
 
 
 def run_squares(estimate: FitEstimate) -> Array:

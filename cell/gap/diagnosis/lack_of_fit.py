@@ -139,10 +139,13 @@ def _repeated_bins(
     bins: dict[tuple[Place, int], list[tuple[float, int]]] = defaultdict(list)
     for run, r in zip(estimate.runs, residuals, strict=True):
         times = (run.samples.t / BIN_TIME).astype(int)
-        for key, rows in _rows_by(zip(_places(run), times, strict=True)).items():
-            bins[key].append((r[rows].mean(), len(rows)))
-    for ((channel, *_), _), by_run in bins.items():
+        members = _rows_by(zip(_places(run), times, strict=True))
+        for time_bin, rows in members.items():
+            bins[time_bin].append((r[rows].mean(), len(rows)))
+
+    for (place, _), by_run in bins.items():
         if len(by_run) > 1:
+            channel, *_ = place
             yield channel, np.array(by_run).T
 
 
@@ -370,9 +373,9 @@ def _match_sums(
     """Sums (bins,) of residuals `r` (samples,) and (bins, draws) of `noise` (samples,
     draws), weighted and standardised by the noise draws.
     """
-    drawn = np.array([weight[i] @ noise[i] for i in rows])
-    observed = _standardise(np.array([r[i] @ weight[i] for i in rows]), drawn)
-    return observed, _standardise(drawn.T, drawn).T
+    drawn = np.array([weight[members] @ noise[members] for members in rows])
+    observed = np.array([r[members] @ weight[members] for members in rows])
+    return _standardise(observed, drawn), _standardise(drawn.T, drawn).T
 
 
 def _standardise(values: Array, drawn: Array) -> Array:
@@ -446,11 +449,14 @@ def _values_by_run(estimate: FitEstimate) -> tuple[list[Parameter], Array]:
 
     values = []
     for i, (run, response) in enumerate(zip(runs, responses, strict=True)):
+        # a step of the fit towards this run
         r = robust.clip_residuals(estimate.residuals[i] / scale)
-        step = normal_equations.covariance(squares[i] + others) @ (response.T @ r)
-        names = [p.name for p in run.local]
-        own = estimate.local[i][[names.index(p.name) for p in random]]
-        values.append(np.concatenate([estimate.shared - scale * step, own]))
+        covariance = normal_equations.covariance(squares[i] + others)
+        step = covariance @ (response.T @ r)
+
+        own = dict(zip((p.name for p in run.local), estimate.local[i], strict=True))
+        drawn = [own[p.name] for p in random]
+        values.append(np.append(estimate.shared - scale * step, drawn))
 
     return [*estimate.model.parameters, *random], np.array(values)
 

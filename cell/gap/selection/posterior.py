@@ -75,17 +75,19 @@ def floor_responses(
     starts = np.cumsum([0, *map(len, shares[:-1])])
 
     by_effect: dict[str, Array] = {}
-    for p in probed:
-        firsts = np.concatenate([group[:, :1] for group in p.responses], axis=1)
+    for effect in probed:
+        firsts = np.concatenate([group[:, :1] for group in effect.responses], axis=1)
         left = about.unabsorbed(firsts)
         norms = np.sqrt(np.sum((firsts if believed else left) * left, axis=0))
         felt = norms > LEAST_NORM
+
+        # share of each run in the energy of a response
         by_run = np.add.reduceat(left[:, felt] ** 2, starts, axis=0)
         by_run /= by_run.sum(axis=0)
+
         size = np.sqrt(floor @ by_run / np.sum(by_run**2, axis=0))
         share = size / np.sqrt(max(felt.sum(), 1))
-        by_effect[p.name] = firsts[:, felt] * (share / norms[felt])
-
+        by_effect[effect.name] = firsts[:, felt] * (share / norms[felt])
     return by_effect
 
 

@@ -486,12 +486,12 @@ def _detection_limit(
         powers = np.diag(projection.form(projection.weigh(responses)).curvature)
         powers = powers / likelihood.inefficiency
         for vector, power in zip(vectors, powers, strict=True):
-            moves = zip(parameters, vector.tolist(), strict=True)
-            # moved by this probe
-            p, moved = next((p, v - p.start) for p, v in moves if v != p.start)
+            moved = vector - probed.candidate.null
+            i = int(np.flatnonzero(moved)[0])
+            p = parameters[i]  # moved by this probe
             if power > LEAST_POWER and p.unit == parameters[0].unit:
                 factor = DETECTED_SIGMA / np.sqrt(power)
-                limit = p.start + moved * factor
+                limit = p.start + float(moved[i]) * factor
                 stated = p.stated_value(limit) if p.low <= limit <= p.high else None
                 limits.append((abs(np.log(factor)), stated))
 

@@ -86,9 +86,11 @@ def _band_rows(
     `floor` [m].
     """
     x = np.linspace(*TABLE_RANGE, 15)
-    line = np.insert(x[:, None], 1, floor, axis=1)
-    edges = [optics.plane(line, y) for y in (-2 * SOFT_BORDER, width + 2 * SOFT_BORDER)]
-    u, v = np.concatenate(edges).T
+    line = np.column_stack([x, np.full(len(x), floor)])
+    border = 2 * SOFT_BORDER
+    near = optics.plane(line, -border)
+    far = optics.plane(line, width + border)
+    u, v = np.concatenate([near, far]).T
     seen = v[(u > -IMAGE_MARGIN) & (u < settings.width + IMAGE_MARGIN)]
     top = int(np.clip(seen.min() - 1, 0, settings.height - 1))
     return top, int(np.clip(seen.max() + 2, top + 1, settings.height))

@@ -123,19 +123,25 @@ def common_errors(samples: Samples, past: NDArray[np.bool_]) -> dict[str, Array]
     `past` (n,) says whether the gripper is past the middle of the strip: there a lifted
     strip shows its near edge on the other side.
     """
-    halves = np.where(past, "past", "before")
     sizes = CameraBias.shipped()
     quantities = samples.quantity
     sides = np.where(quantities == "profile", np.where(past, 1.0, -1.0), 0.0)
     errors = {"near edge": frozen(sizes.edge * sides)}
-    one_group = np.full(len(halves), "")
-    zones = [f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)]
-    groups_of = {"profile": np.array(zones), "contact_x": halves}
 
-    for quantity in ("profile", "contact_x", "touch_time", "touch_x", "displacement"):
+    # samples of one group err alike
+    halves = np.where(past, "past", "before")
+    zones = [f"{zone} {half}" for zone, half in zip(samples.zone, halves, strict=True)]
+    one_group = np.full(len(halves), "")
+    groups_of = {
+        "profile": np.array(zones),
+        "contact_x": halves,
+        "touch_time": one_group,
+        "touch_x": one_group,
+        "displacement": one_group,
+    }
+    for quantity, groups in groups_of.items():
         measured = quantities == quantity
         size = getattr(sizes, quantity)
-        groups = groups_of.get(quantity, one_group)
         for group in dict.fromkeys(map(str, groups[measured])):
             members = measured & (groups == group)
             errors[f"{quantity} {group}".strip()] = frozen(np.where(members, size, 0.0))

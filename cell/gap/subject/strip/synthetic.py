@@ -317,19 +317,24 @@ def _ticks(
     """Table of control ticks up to `end` [s], with contacts at image times `stamps`
     (k,) [s].
     """
-    path = fold.path
+    # what images show
     observation = fold.model.observation
-    t = path.t[path.t <= end]
-    x, z, pitch = path.poses[: len(t)].T
     height = observation.contact_height
     true = np.array([desk_contact(_shape(fold, stamp), height) for stamp in stamps])
-    contacts = measured_contact(observation, true)
-    measured = contacts + rng.normal(0.0, noise.contact_x, len(stamps))
-    contact_x, contact_t = place_contacts(t, stamps, measured)
+    seen = measured_contact(observation, true)
+    seen = seen + rng.normal(0.0, noise.contact_x, len(stamps))
+
+    # what the arm reports
+    path = fold.path
+    t = path.t[path.t <= end]
+    x, z, pitch = path.poses[: len(t)].T
     off_x, off_z = rng.normal(0.0, noise.gripper, (len(t), 2)).T
     columns = {"t": t, "x": x + off_x, "z": z + off_z, "pitch": pitch}
     columns |= {"x_cmd": x, "z_cmd": z}
-    columns |= _forces(fold, t, noise.force, rng) if noise.force else {}
+    if noise.force:
+        columns |= _forces(fold, t, noise.force, rng)
+
+    contact_x, contact_t = place_contacts(t, stamps, seen)
     return pa.table(columns | {"contact_x": contact_x, "contact_t": contact_t})
 
 
@@ -361,7 +366,13 @@ def _profile(stamps: Array, curves: Sequence[Array]) -> pa.Table:
     [s].
     """
     counts = [len(curve) for curve in curves]
-    points = np.concatenate(curves) if curves else np.empty((0, 2))
-    i = [k for count in counts for k in range(count)]
-    columns = {"t": np.repeat(stamps, counts), "i": np.array(i, dtype=np.int64)}
-    return pa.table(columns | {"x": points[:, 0], "z": points[:, 1]})
+    numbers = [np.arange(count) for count in counts]
+    x, z = np.concatenate([np.empty((0, 2)), *curves]).T
+    return pa.table(
+        {
+            "t": np.repeat(stamps, counts),
+            "i": np.concatenate([np.empty(0, dtype=np.int64), *numbers]),
+            "x": x,
+            "z": z,
+        }
+    )
