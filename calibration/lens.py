@@ -53,8 +53,10 @@ class Lens:
         """
         matrix = np.diag([focal, focal, 1.0])
         matrix[:2, 2] = centre
-        coefficients = [*distortion, *np.zeros(5)][:5]
-        return cls(*size, frozen(matrix), frozen(coefficients))
+        coefficients = np.zeros(5)
+        coefficients[: len(distortion)] = distortion
+        width, height = size
+        return cls(width, height, frozen(matrix), frozen(coefficients))
 
     def fits(self, image: Image) -> bool:
         """Whether `image` (h, w, 3) has the size for which the lens is valid."""

@@ -56,10 +56,11 @@ class WantedView(BoardPlacement):
 
 
 def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, ...]:
-    """Thirteen required views: five positions, four leans, four with roll; `sizes` far
-    and near.
+    """Thirteen required views of the board: five positions in the image, four leans,
+    four leans with roll.
 
-    `lean` [rad] is the largest tilt.
+    Positions are fractions of the image, `sizes` those of its width that the board
+    fills, far and near; `lean` [rad] is the largest tilt.
     """
     far, near = sizes
     right, left, high, low = 0.84, 0.16, 0.27, 0.73

@@ -96,11 +96,9 @@ class SessionFolder:
             )
         result = progress.result
         if result is not None:
-            image = (
-                progress.frame.image
-                if progress.frame is not None and result.taken
-                else None
-            )
+            image = None
+            if progress.frame is not None and result.taken:
+                image = progress.frame.image
             self.add(result, image)
         self._watch(progress)
 

@@ -138,8 +138,8 @@ class GapModel:
         """Gap model of `plant`, simulated along the gripper `paths` and measured with
         the noise `sigma`.
         """
-        by_name = {f"own-{i}": path for i, path in enumerate(paths)}
-        return cls(plant, measured_along(by_name, plant, sigma, 0))
+        by_name = {f"path-{i}": path for i, path in enumerate(paths)}
+        return cls(plant, measured_along(by_name, plant, sigma, index=0))
 
     def excess(self, hidden: Sequence[NamedValues]) -> Array:
         """Excess residuals (k,) [noise] that k sets of hidden effects leave after a

@@ -35,11 +35,9 @@ def runs_in(folder: Path) -> list[Path]:
     """Run folders at or in `folder`, sorted by name; empty for a folder without
     runs.
     """
-    return (
-        [folder]
-        if is_run(folder)
-        else sorted(path for path in folder.glob("*") if is_run(path))
-    )
+    if is_run(folder):
+        return [folder]
+    return sorted(path for path in folder.glob("*") if is_run(path))
 
 
 def runs_below(folder: Path) -> list[Path]:

@@ -225,11 +225,9 @@ class FrameWriter:
     def _record(self, frame: Frame, mark: bool) -> None:
         """Film `frame`, store it if it is selected, and enter it into the index."""
         keeps_up = self._patient or self._waiting.qsize() < LAGS
-        in_film = (
-            self._film.put(frame.stamp, frame.image)
-            if self._film and keeps_up
-            else None
-        )
+        in_film = None
+        if self._film and keeps_up:
+            in_film = self._film.put(frame.stamp, frame.image)
         if self._is_kept(frame.stamp, mark):
             self._store(frame, in_film)
             self._last = None

@@ -200,11 +200,9 @@ def _storable(value: Any) -> Any:
     """Value that SQLite can store: `value`, or a float for an integer of more than 63
     bits.
     """
-    return (
-        float(value)
-        if isinstance(value, int) and abs(value) > LARGEST_INTEGER
-        else value
-    )
+    if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
+        return float(value)
+    return value
 
 
 def values_of(row: RunRow) -> tuple[Any, ...]:

@@ -501,11 +501,10 @@ def column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
         indices = indices[number - 1 : number]
 
     if len(indices) != 1:
-        there = (
-            f"stands there {len(indices)} times; write {name!r} with ' (1)' or the like"
-            if indices
-            else f"is not there{suggestion(name, names)}"
-        )
+        there = f"is not there{suggestion(name, names)}"
+        if indices:
+            times = f"stands there {len(indices)} times"
+            there = f"{times}; write {name!r} with ' (1)' or the like"
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
         raise ConfigurationError(
             f"{origin} {there}; columns: {', '.join(names[:NAMED])}{more}"

@@ -204,11 +204,9 @@ def _strip_with(name: str, rng: np.random.Generator) -> StripFile:
     if name == FRICTION_EFFECT:
         return plain_strip(rng, bending_hysteresis=draw_friction(rng, *YIELD_RANGE))
     bare = plain_strip(rng)
-    return (
-        bare.model_copy(update={"effects": {name: draw_effect(name, rng)}})
-        if name
-        else bare
-    )
+    if not name:
+        return bare
+    return bare.model_copy(update={"effects": {name: draw_effect(name, rng)}})
 
 
 def benchmark(

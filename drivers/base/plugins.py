@@ -74,11 +74,9 @@ def _load(point: EntryPoint, of: type[T]) -> T:
 
 
 def _failure(point: EntryPoint, what: str, error: BaseException) -> ConfigurationError:
-    text = (
-        str(error)
-        if isinstance(error, ImportError)
-        else f"{type(error).__name__}: {error}"
-    )
+    text = str(error)
+    if not isinstance(error, ImportError):
+        text = f"{type(error).__name__}: {text}"
     return ConfigurationError(
         f"{_origin_of(point)}: {point.value} {what}: {text}; mend or uninstall it"
     )

@@ -16,6 +16,7 @@ from drivers.v4l2.settings import V4l2Settings
 
 DISCRETE = 1  # V4L2_FRMSIZE_TYPE_DISCRETE, V4L2_FRMIVAL_TYPE_DISCRETE
 RATE_TOLERANCE = 0.01
+NO_RATE = 0.0  # Hz
 PER_SECOND = 1000  # a rate as a fraction of whole numbers
 JPEG_BEGIN, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
@@ -84,13 +85,16 @@ def _rates(device: Device, number: int, width: int, height: int) -> tuple[float,
     )
     rates = set()
     for interval in intervals:
-        ends = 1 if interval.type == DISCRETE else 2
-        rates |= {_rate(step) for step in interval.steps[:ends]}
-    return tuple(sorted(rates - {0.0}, reverse=True))
+        # a discrete one states its rate, a range its shortest and longest interval
+        stated = 1 if interval.type == DISCRETE else 2
+        rates |= {_rate(step) for step in interval.steps[:stated]}
+    return tuple(sorted(rates - {NO_RATE}, reverse=True))
 
 
 def _rate(interval: abi.Fraction) -> float:
-    return interval.denominator / interval.numerator if interval.numerator else 0.0
+    if not interval.numerator:
+        return NO_RATE
+    return interval.denominator / interval.numerator
 
 
 def _convert(code: int) -> Decoder:

@@ -116,11 +116,9 @@ class Meter(AbstractContextManager["Meter"]):
         here = self._done - self._before
         left = self._total - self._done
         passed = time.monotonic() - self._started_at
-        return (
-            f", {duration_text(left * passed / here)} left"
-            if here > 0 and left > 0
-            else ""
-        )
+        if here <= 0 or left <= 0:
+            return ""
+        return f", {duration_text(left * passed / here)} left"
 
     def _print(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True, markup=False)

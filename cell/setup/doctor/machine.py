@@ -152,11 +152,9 @@ def throttling() -> Check:
     """
     share = int(_text(THROTTLE) or -1) / 1e4
     limited = 0.0 <= share < 100.0
-    found = (
-        f"{share:g} % of each second of a core"
-        if limited
-        else "real-time threads may fill it"
-    )
+    found = "real-time threads may fill it"
+    if limited:
+        found = f"{share:g} % of each second of a core"
     why = (
         "real-time threads that fill a core are all held up for the rest of the second;"
         " a robot stops after 20 ms without a command"

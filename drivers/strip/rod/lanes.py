@@ -83,11 +83,9 @@ def _arithmetic(op: Any, instruction: str) -> None:
     class _Template(AbstractTemplate):  # type: ignore[misc]
         def generic(self, args: Any, kws: Any) -> Any:
             allowed = all(a == Lanes or isinstance(a, types.Float) for a in args)
-            return (
-                signature(Lanes, *args)
-                if len(args) == 2 and Lanes in args and allowed
-                else None
-            )
+            if len(args) == 2 and Lanes in args and allowed:
+                return signature(Lanes, *args)
+            return None
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         left, right = _operands(builder, Lanes, args)

@@ -209,7 +209,8 @@ class RobotServer:
 
     def _disconnect(self) -> None:
         """Close both ports and all sockets of the server; allowed twice."""
-        if self._bell.fileno() >= 0:
+        is_open = self._bell.fileno() >= 0
+        if is_open:
             self._arm.close()
             self._hand_port.close()
             self._bell.close()

@@ -69,11 +69,9 @@ class InverseDynamics(MechanismSubject):
             i for i, joint in enumerate(joints) if inputs.get(joint.name) == "position"
         ]
         compared = [s.joint for s in mechanism.compared("torque")]
-        loop = (
-            ClosedLoops(model=model, inputs=given, compared=compared, origin=origin)
-            if model.neq
-            else None
-        )
+        loop = None
+        if model.neq:
+            loop = ClosedLoops(model, given, compared=compared, origin=origin)
         self._loop = loop
         if not loop and len(given) < model.njnt:
             missing = next(

@@ -149,11 +149,12 @@ def read_recording(
             f"{path}: sigma.angle: is missing; add the noise in rad"
         )
 
-    table, rates, wrapped = (
-        _swing_table(folder.path / ANGLES, list(file.signals))
-        if swings
-        else _signal_table(folder.path, file, hinges)
-    )
+    if swings:
+        read = _swing_table(folder.path / ANGLES, list(file.signals))
+    else:
+        read = _signal_table(folder.path, file, hinges)
+    table, rates, wrapped = read
+
     # slices of one recording are no repeats of each other: they stay together as one
     # condition
     condition = str(head.origin or head.condition or folder.name)
