@@ -201,7 +201,7 @@ def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
     least = MIN_GAIN * fits.likelihood.inefficiency
     singles = models.screen.singles
     promising = models.base_fit.doubted or any(s.gain > least for s in singles)
-    if promising or ranked_pairs(models.screen.equations, 1, least):
+    if promising or ranked_pairs(models.screen.equations, among=1, least=least):
         return search.fit_scored_models(fits, singles[: BUDGET.singles])
     return fits
 

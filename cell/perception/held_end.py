@@ -325,14 +325,14 @@ class HeldEnd:
             measurement = self._perception.measure(frame, guess)
             end = self._end_pose(measurement)
             if end is None:
-                return HeldMeasurement(measurement, None)
+                return HeldMeasurement(measurement, end=None)
             moved = hypot(end.x - guess.x, end.z - guess.z)
             guess = end
             if moved < CLOSE:
                 return HeldMeasurement(
                     replace(measurement, gripper=(end.x, end.z)), end
                 )
-        return HeldMeasurement(measurement, None)
+        return HeldMeasurement(measurement, end=None)
 
     def _end_pose(self, measurement: StripMeasurement) -> Pose | None:
         """Pose of the held end: at the strip's full length along its extrapolated

@@ -90,17 +90,17 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> DeskContact:
     """
     desk = _sample(levels, line.front - origin)
     if (desk > HALF_LEVEL).mean() > 0.5:  # all looks like strip
-        return DeskContact(nan, 0.0)
+        return DeskContact(nan, confidence=0.0)
 
     along = strip_share(_average(_sample(levels, line.pixels - origin)))
     strip = along > 0.5
     ends = _piece_ends(strip)
     if len(ends) == 0 or not strip[: len(strip) // 8].any():
-        return DeskContact(nan, 0.0)
+        return DeskContact(nan, confidence=0.0)
 
     i = _lying_end(ends, np.flatnonzero(strip))
     if i == len(strip) - 1:
-        return DeskContact(float(line.x[-1]), 1.0)
+        return DeskContact(float(line.x[-1]), confidence=1.0)
 
     part = (along[i] - 0.5) / max(along[i] - along[i + 1], 1e-6)
     confidence = _sharpness(along, i, 4 * SURE_COUNT)
@@ -195,7 +195,7 @@ class LiftedMidline:
     confidence: float
 
 
-UNSEEN = LiftedMidline(np.empty((0, 2)), 0.0)
+UNSEEN = LiftedMidline(np.empty((0, 2)), confidence=0.0)
 
 
 class Perception:

@@ -392,7 +392,7 @@ def inspect(frame: Frame, calibration: Calibration, strip: StripFile) -> Preflig
     required = (_check_size(image, calibration), *check_scope(strip))
     refused = tuple(check for check in required if not check.passed)
     if refused:
-        return Preflight(refused, None)
+        return Preflight(refused, appearance=None)
 
     learnt = _learn_scene(image, calibration, strip)
     samples = resting_strip.sample_scene(image, calibration, strip)
@@ -407,7 +407,7 @@ def inspect(frame: Frame, calibration: Calibration, strip: StripFile) -> Preflig
         edge, strip, clear=all(check.passed for check in distinct)
     )
     if not presence.passed:
-        return Preflight((*distinct, presence), None)
+        return Preflight((*distinct, presence), appearance=None)
 
     appearance = scene.Appearance(
         learnt.segmenter, frozen(resting_strip.resting_line(edge))

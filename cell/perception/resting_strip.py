@@ -68,9 +68,13 @@ def sample_scene(
     front = (FRONT_HEIGHTS[0] - lower, FRONT_HEIGHTS[1] - lower)
     face = face_height(calibration, strip)
     return SceneSamples(
-        sample_rectangle(image, calibration, _span(strip, 0.05), (0.0, FACE * face)),
-        sample_rectangle(image, calibration, _span(strip, 0.03), front),
-        sample_rectangle(image, calibration, _span(strip, 0.0), BACKDROP_HEIGHTS),
+        sample_rectangle(
+            image, calibration, _span(strip, margin=0.05), (0.0, FACE * face)
+        ),
+        sample_rectangle(image, calibration, _span(strip, margin=0.03), front),
+        sample_rectangle(
+            image, calibration, _span(strip, margin=0.0), BACKDROP_HEIGHTS
+        ),
     )
 
 
@@ -82,7 +86,7 @@ def inner_pixels(
     """
     face = face_height(calibration, strip)
     height = (rise + INNER[0] * face, rise + INNER[1] * face)
-    return sample_rectangle(image, calibration, _span(strip, 0.0), height)
+    return sample_rectangle(image, calibration, _span(strip, margin=0.0), height)
 
 
 def face_height(calibration: Calibration, strip: StripFile) -> float:
@@ -135,7 +139,7 @@ def strip_shares(
 
     From the smoothed matte `levels` (h, w); the midline rests at a height `rise` [m].
     """
-    x = np.arange(*_span(strip, 0.0), 0.001)
+    x = np.arange(*_span(strip, margin=0.0), 0.001)
     z = rise + np.linspace(
         -strip.thickness / 4, INNER[0] * face_height(calibration, strip), 5
     )

@@ -47,7 +47,9 @@ Position = Annotated[Array, PhysicalQuantity(LENGTHS, FARTHEST_HAND)]
 Angle = Annotated[Array, PhysicalQuantity(ANGLES, FULL_TURN, needed=False)]
 Command = Annotated[Array, PhysicalQuantity(LENGTHS, FARTHEST_HAND, needed=False)]
 Turn = Annotated[Array, PhysicalQuantity(ANGLES, FULL_TURN, needed=False, whole=False)]
-Closing = Annotated[Array, PhysicalQuantity(COUNTS, 1.0, needed=False, whole=False)]
+Closing = Annotated[
+    Array, PhysicalQuantity(COUNTS, largest=1.0, needed=False, whole=False)
+]
 Contact = Annotated[
     Array, PhysicalQuantity(LENGTHS, FARTHEST_HAND, needed=False, whole=False)
 ]

@@ -45,7 +45,9 @@ def read_events(folder: Path) -> tuple[Event, ...]:
     """
     lines = read_json_lines(folder / EVENTS)
     return tuple(
-        Event(_number(line.pop("t", None), 0.0), str(line.pop("kind", "")), line)
+        Event(
+            _number(line.pop("t", None), otherwise=0.0), str(line.pop("kind", "")), line
+        )
         for line in lines
     )
 

@@ -347,7 +347,7 @@ def _parts_of(
     """Numbers of a vector by name, as `stated`; none of a list of several sizes."""
     kind = column.type
     if not (pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind)):
-        return dict.fromkeys(_axes(stated, 1), column)
+        return dict.fromkeys(_axes(stated, size=1), column)
 
     sizes = pc.list_value_length(column).unique().to_pylist()
     size = (sizes[0] or 0) if len(sizes) == 1 else 0

@@ -136,7 +136,7 @@ def grab(settings: V4l2Settings) -> Grab:
     camera = V4l2Camera(settings, WallClock())
     try:
         camera.connect()
-        first = last = _next_frame(camera, -1.0)
+        first = last = _next_frame(camera, after=-1.0)
         while last.stamp - first.stamp < WATCHED:
             last = _next_frame(camera, last.stamp)
         setup = camera.setup

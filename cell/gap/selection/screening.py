@@ -295,7 +295,7 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
 
     The amounts solve a quadratic programme, one-sided where physics fixes the sign.
     """
-    best = Score(tuple(member.name for member in members), 0.0, {})
+    best = Score(tuple(member.name for member in members), gain=0.0, start={})
     values_at_best: dict[str, Array] = {}
     best_probe: dict[str, Array] = {}  # as it is, unscaled
     probe_gain = 0.0

@@ -330,7 +330,7 @@ def without_each(accepted: CrossValidatedFit) -> list[Score]:
     """
     names = accepted.names
     subsets = [tuple(sorted(names - {gone})) for gone in sorted(names)]
-    return [Score(subset, 0.0, {}, origin=accepted) for subset in subsets]
+    return [Score(subset, gain=0.0, start={}, origin=accepted) for subset in subsets]
 
 
 def _with_other_sign(

@@ -242,7 +242,7 @@ def _compare_by_screen(
     screen.
     """
     name = candidate.name
-    score = score or Score((name,), 0.0, {})
+    score = score or Score((name,), gain=0.0, start={})
     start = score.start.get(name, candidate.null)
     values = zip(candidate.parameters, start, strict=True)
     stated = [(p, p.stated_value(v)) for p, v in values]

@@ -135,7 +135,7 @@ def plan(
             else:
                 print(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {shows}")
         return
-    file = _subject_file(strip, None, configs, None)
+    file = _subject_file(strip, model=None, configs=configs, subject=None)
     words = ("cell", "gap", "fit", folder, "--strip", file, "--out", f"{folder}-fit")
     next_step = f"next: {shlex.join(map(str, words))}"
     code = _fold_all(requests, jobs, resuming=resume, as_json=as_json)
@@ -273,7 +273,7 @@ def rehearse(
     chosen = engine(threads, cluster, COPY_TIMEOUT)
     console = None if as_json else Console(stderr=True)
     with resumable(out, rehearsal.JOURNAL):
-        file = _subject_file(strip, None, configs, None)
+        file = _subject_file(strip, model=None, configs=configs, subject=None)
         planned = rehearsal.rehearsal_plan(runs, file, threads)
         with Meter(console, rehearsal.progress_line) as meter:
             records = rehearsal.rehearse(planned, out, chosen, meter)

@@ -88,7 +88,7 @@ class Rod:
         """Step the n strips to each of k gripper `poses` (k, n, 3) [m, m, rad], `dt`
         [s] apart; returns the last observables.
         """
-        self._step_all(poses, dt, np.empty((0, 0, 0, 2)), 1)
+        self._step_all(poses, dt, np.empty((0, 0, 0, 2)), every=1)
         last = self._observed
         return Observables(
             contact_x=last[:, at.CONTACT_X],

@@ -118,14 +118,14 @@ def _follow_damped(batch: Batch, poses: Array, dt: float) -> None:
     raises an error if one fails or its layers touch.
     """
     observed = np.zeros((len(poses), len(batch.grip), at.OBSERVABLE_COUNT))
-    output = Output(observed, np.empty((0, 0, 0, 2)), 1)
+    output = Output(observed, np.empty((0, 0, 0, 2)), every=1)
     step_along(batch, poses, output, Pace(start=0.0, h=dt, omega=0.0, next_omega=0.0))
     failed, touched = (
         np.isfinite(batch.monitor[:, field])
         for field in (at.FAILURE_TIME, at.TOUCH_TIME)
     )
     if failed.any():
-        raise SimulationNotConverged("rod", int(np.argmax(failed)), 0.0)
+        raise SimulationNotConverged("rod", int(np.argmax(failed)), time=0.0)
     if touched.any():
         i = int(np.argmax(touched))
         raise Unsupported(

@@ -139,7 +139,7 @@ class Renderer:
         self._gripper = bgr(settings.surroundings.gripper) * settings.gain
         self._contact_bias = contact_bias
         self._spacing = ribbon.PITCH * settings.distance / settings.focal
-        self.render([_SPECK], 0)  # compiles now, outside the control loop
+        self.render([_SPECK], sequence=0)  # compiles now, outside the control loop
 
     def render(self, scenes: Sequence[WorldState], sequence: int) -> Image:
         """Frame `sequence` (height, width, 3) BGR, exposed to `scenes`, equally spaced

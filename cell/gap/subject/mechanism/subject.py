@@ -336,12 +336,14 @@ class MechanismSubject(Subject):
         remarks = {FORMAT: "mechanism, version 1", NOT_SAID: missing}
         edited = _edited(
             mechanism,
-            None,
-            stated,
+            load=None,
+            base=stated,
             effects=_known(mechanism, effects),
             model=mechanism.model,
         )
-        plain = _edited(alone, None, stated, effects=whole, model=mechanism.model)
+        plain = _edited(
+            alone, load=None, base=stated, effects=whole, model=mechanism.model
+        )
         return {
             "model": accepted_xml(mechanism, edited),
             "plain": accepted_xml(mechanism, plain, remarks),

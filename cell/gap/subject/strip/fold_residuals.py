@@ -167,7 +167,7 @@ def layout(run: MeasuredRun, length: float) -> Layout:
     contact = _part(
         run, t, zone=zones(x, length), sigma=sigma.contact_x, fewest=1, left_out=buckled
     )
-    force = _force_part(run, length, 0), _force_part(run, length, 1)
+    force = _force_part(run, length, axis=0), _force_part(run, length, axis=1)
 
     # a camera's error shifts the whole image
     floor = FLOORS["profile"]

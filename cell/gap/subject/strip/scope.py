@@ -71,7 +71,7 @@ def scope(strip: StripFile, lifted: float = 0.0, *, has_force: bool = False) -> 
 
 def _can_simulate(effect: Effect, strip: StripFile) -> bool:
     """Whether the rod engine can represent the effect on this strip."""
-    weakest = candidate(effect, strip, 0.0).probes[0][0]
+    weakest = candidate(effect, strip, lifted=0.0).probes[0][0]
     try:
         check([describe(strip, {effect.name: effect.stated(weakest) or {}})])
     except Unsupported:
