@@ -94,7 +94,8 @@ def _rates(device: Device, number: int, width: int, height: int) -> tuple[float,
 def _rate(interval: abi.Fraction) -> float:
     if not interval.numerator:
         return NO_RATE
-    return interval.denominator / interval.numerator
+    rate: float = interval.denominator / interval.numerator
+    return rate
 
 
 def _convert(code: int) -> Decoder:
