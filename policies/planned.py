@@ -58,7 +58,7 @@ class RaisedTriangles:
             rises, return_index=True, return_inverse=True
         )
         paths = [_raised_triangle(strip.length, float(rise)) for rise in different]
-        self._followers = [Follower(path, 1) for path in paths]
+        self._followers = [Follower(path, count=1) for path in paths]
         self._speed = speed
 
     def lift(self) -> Path:

@@ -82,7 +82,8 @@ class FoldPrediction:
 
     def sentence(self) -> str:
         """Text with the predicted displacement and its sigma, for the operator."""
-        distance, sigma = 1e3 * self.displacement, 1e3 * self.sigma
+        distance = 1e3 * self.displacement
+        sigma = 1e3 * self.sigma
         return f"predicted displacement {distance:+.1f} mm, sigma {sigma:.1f} mm"
 
 

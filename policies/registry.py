@@ -86,9 +86,9 @@ OWN_POLICIES: Mapping[str, Entry] = {
         2, partial(_path_policy, "circular"), look=PlotStyle("#cf6a1f", ">")
     ),
     "shifted": Entry(
-        3, partial(_path_policy, "shifted"), look=PlotStyle("#6b7280", "D", 4.2)
+        3, partial(_path_policy, "shifted"), look=PlotStyle("#6b7280", "D", size=4.2)
     ),
-    "planned": Entry(4, _planned, look=PlotStyle("#8a5fb0", "s", 4.2)),
+    "planned": Entry(4, _planned, look=PlotStyle("#8a5fb0", "s", size=4.2)),
     "feedback": Entry(5, _feedback, learned=True, look=PlotStyle("#3a8a5c", size=7.0)),
     "adaptive": Entry(
         6,
@@ -132,6 +132,7 @@ def make_policy(
     """
     if name.startswith(MOTION) and checkpoint is None:
         return _standard_motion(name)
+
     check_known("policy", name, entries())
     if checkpoint is not None and not entries()[name].learned:
         learned = ", ".join(
@@ -140,6 +141,7 @@ def make_policy(
         raise ConfigurationError(
             f"checkpoint: {name} has no weights; allowed only for: {learned}"
         )
+
     entry = entries()[name]
     make = entry.in_rod if in_rod and entry.in_rod is not None else entry.make
     with guarded("policies", name):

@@ -95,8 +95,13 @@ class Misses:
         d = np.abs(displacement[np.isfinite(displacement)])
         lost = displacement.size - d.size
         if d.size == 0:
-            return cls(np.nan, np.nan, np.nan, lost)
-        return cls(float(d.mean()), float(np.quantile(d, 0.95)), float(d.max()), lost)
+            return cls(mean=np.nan, quantile_95=np.nan, worst=np.nan, untouched=lost)
+        return cls(
+            mean=float(d.mean()),
+            quantile_95=float(np.quantile(d, 0.95)),
+            worst=float(d.max()),
+            untouched=lost,
+        )
 
 
 def roll_out(
@@ -121,13 +126,15 @@ def roll_out(
     camera = SimulatedCamera(
         settings.sensing, settings.period, draws, profile=settings.profile
     )
-    loop = _Loop(engine, settings, camera, len(models))
+    loop = _Loop(engine=engine, settings=settings, camera=camera, count=len(models))
     loop.lift(policy.lift())
+
     decisions = round(settings.patience * strip.length / settings.speed * settings.rate)
     for _ in range(decisions):
         decision = policy.decide(loop.camera.observe(loop.time, loop.poses[:, :2]))
         if loop.execute(decision):
             break
+
     return loop.folds()
 
 
@@ -147,7 +154,8 @@ class _Loop:
         self._velocity: Array = np.zeros((count, 2))
         self._lifted: NDArray[np.bool_] = np.zeros(count, dtype=bool)
         # sums over the whole fold, and from the take-over on
-        self._force, self._periods = np.zeros((2, count)), np.zeros((2, count))
+        self._force = np.zeros((2, count))
+        self._periods = np.zeros((2, count))
         self._trace: list[Array] = []
         self._touch: tuple[Touch | None, ...] = ()
         self._folding: NDArray[np.bool_] = np.zeros(count, dtype=bool)
@@ -160,6 +168,7 @@ class _Loop:
         dt = self._dt
         count = len(self.poses)
         height = min(TAKEOVER_HEIGHT, LIFT_SHARE * float(path.points[:, 1].max()))
+
         travel = 0.0
         speed = 0.0
         while path.at(travel)[1] < height:
@@ -170,6 +179,7 @@ class _Loop:
                 travels.append(travel)
             poses = path.poses(np.array(travels))
             self._advance(np.repeat(poses[:, None], count, axis=1))
+
         last_step = path.at(travel) - path.at(travel - speed * dt)
         self._velocity = np.tile(last_step / dt, (count, 1))
 
@@ -209,11 +219,11 @@ class _Loop:
         ]
         holding_force, pull = self._force / np.maximum(self._periods, 1)
         return Folds(
-            np.array(displacements),
-            self._touch,
-            holding_force,
-            pull,
-            np.array(self._trace),
+            displacement=np.array(displacements),
+            touch=self._touch,
+            holding_force=holding_force,
+            pull=pull,
+            trace=np.array(self._trace),
         )
 
     def _advance(self, poses: Array) -> None:
@@ -236,7 +246,8 @@ class _Loop:
         self.poses = poses[-1]
         shapes, arc = NO_SHAPES
         if self.camera.wants_shapes:
-            shapes, arc = self._engine.shapes(), self._engine.arc()
+            shapes = self._engine.shapes()
+            arc = self._engine.arc()
         self.camera.store(observed, shapes, arc, self.poses[:, :2])
         self._trace.append(self.poses[:, :2].copy())
 

@@ -155,6 +155,7 @@ class SimulatedCamera:
         late = self._delay / period  # decisions
         if sensing.delay_error > 0:
             late = np.maximum(late + draws.normal() * sensing.delay_error / period, 0.0)
+
         self._factor = np.exp(draws.uniform(*np.log(sensing.factor)))
         self._dropped = draws.uniform(*sensing.dropped)
         self._profile_bias = draws.normal(1, 2) * sensing.profile_bias

@@ -72,7 +72,7 @@ def fold_all(
     """
     if until is not None:
         results = _fold_in_sequence(
-            (with_correction(r, "on") for r in requests), callbacks
+            (with_correction(request, "on") for request in requests), callbacks
         )
     elif jobs > 1 and len(requests) > 1 and not requests[0].trial.agreed:
         results = _fold_in_parallel(requests, jobs, callbacks)
@@ -117,7 +117,10 @@ def agreed(
     if cell.is_physical:
         checks = [versions(), *hardware_checks(cell, requests[0].runs, BRIEF)]
     consented = consent(cell, ask, checks)
-    return tuple(replace(r, trial=replace(r.trial, agreed=consented)) for r in requests)
+    return tuple(
+        replace(request, trial=replace(request.trial, agreed=consented))
+        for request in requests
+    )
 
 
 def _fold_in_sequence(
@@ -181,7 +184,8 @@ class ParallelFolds:
                     if self._stops > 1:
                         raise
                     self._stop()
-            end, request = done.pop(number), self._requests[number]
+            end = done.pop(number)
+            request = self._requests[number]
             yield (
                 FoldResult.refusal(request, end) if isinstance(end, CellError) else end
             )

@@ -102,6 +102,7 @@ class _Learner:
         if experience.kind == "ruler":
             self._rows.append(((self._rig,), experience.rig, RULER))
             return
+
         surprise = self._surprise(experience)
         before = self._previous_fold
         self._previous_fold = (surprise, experience)
@@ -114,6 +115,7 @@ class _Learner:
             self._previous_fold = None
         elif abs(surprise) > OUTLIER_SIGMAS:
             return
+
         self._add(experience)
 
     def _start_epoch(self, surprise: float, first: Experience) -> None:

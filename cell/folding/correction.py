@@ -77,18 +77,22 @@ class Correction:
         parts = []
         if abs(self.seen) >= WORTH_SAYING:
             parts.append(f"aimed {-1e3 * self.seen:+.1f} mm, the opposite of the bias")
+
         if abs(self.place) >= WORTH_SAYING:
             parts.append(
                 f"laid the edge {-1e3 * self.place:+.1f} mm, the opposite of its offset"
             )
+
         if not parts:
             return None
         if learned is None:
             return f"{'; '.join(parts)} that was given"
+
         folds = plural(learned.folds, "fold")
         text = f"{'; '.join(parts)} learned from {folds} of this cell"
         if learned.since is None:
             return text
+
         return (
             f"{text}; since run {learned.since} something moved: check the calibration"
         )
@@ -139,7 +143,8 @@ def experience_of(
     or laid edges, stopped ones, and those predicted blind. A strip that is unlike the
     model teaches too: it comes out the same way again.
     """
-    touch, predicted = outcome.touch, outcome.predicted
+    touch = outcome.touch
+    predicted = outcome.predicted
     is_blind = predicted is not None and predicted.blind
     if touch is None or outcome.name not in TEACHING or is_blind:
         return None
@@ -172,4 +177,4 @@ def correction_of(facts: Mapping[str, Any] | None) -> Correction:
     if not all(isinstance(value, int | float) for value in values):
         return Correction()
     seen, unseen, place = map(float, values)  # `unseen` of older runs, of a known error
-    return Correction(seen + unseen, None, place)
+    return Correction(seen + unseen, learned=None, place=place)

@@ -144,7 +144,8 @@ class Memory:
 
     def _lines_of(self, run: Path) -> set[bytes]:
         """Lines of the memory that hold experiences of the run in the folder `run`."""
-        key, name = run_key(run), run.resolve().name
+        key = run_key(run)
+        name = run.resolve().name
         read = ((line, _experience(line)) for line in self._lines())
         return {line for line, one in read if one and _is_of(one, key, name)}
 

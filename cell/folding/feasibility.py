@@ -124,14 +124,19 @@ def assess(request: Request, calibration: Calibration) -> Feasibility:
 
 def _foresee(request: Request, calibration: Calibration) -> Feasibility:
     """Feasibility of a fold, without advice."""
-    settings, strip = request.settings, request.strip
-    installation, policy = settings.installation, _policy_in_rod(request)
-    refusal, lift = "", triangle(strip.length)
+    settings = request.settings
+    strip = request.strip
+    installation = settings.installation
+    policy = _policy_in_rod(request)
+    refusal = ""
+    lift = triangle(strip.length)
     try:
         folds, carry = _simulated_carry(settings, request, policy)
         lift = policy.lift().points
     except ConfigurationError as error:
-        refusal, folds, carry = str(error), None, lift
+        refusal = str(error)
+        folds = None
+        carry = lift
 
     touch = None if folds is None else folds.touch[0]
     goal = request.line.goal
@@ -159,7 +164,13 @@ def _foresee(request: Request, calibration: Calibration) -> Feasibility:
         problems += _hand_problems(installation, strip, path)
     problems += _reach_problems(reach)
     return Feasibility(
-        request, path, speeds, reach, folds, calibration, tuple(problems)
+        request=request,
+        path=path,
+        speeds=speeds,
+        reach=reach,
+        folds=folds,
+        seen_by=calibration,
+        problems=tuple(problems),
     )
 
 
@@ -182,7 +193,8 @@ def _nearest_length(refused: Feasibility) -> Iterator[str]:
     Between the usual length and that of the fold, which is too long or too short.
     """
     request = refused.request
-    usual, far = USUAL_LENGTH / LENGTH_STEP, request.strip.length / LENGTH_STEP
+    usual = USUAL_LENGTH / LENGTH_STEP
+    far = request.strip.length / LENGTH_STEP
     steps = (
         range(round(usual), ceil(far))
         if far > usual
@@ -224,6 +236,7 @@ def path_problems(
         f"speed: the path at {speed:g} m/s is over the arm's limits of velocity,"
         " acceleration "
     )
+
     over += "or jerk"
     try:
         # another speed gives another path
@@ -238,6 +251,7 @@ def path_problems(
                 f"{over}, allowed at most {speed:g} m/s; lower fold.speed, or raise "
                 "installation.limits in cell.yaml"
             )
+
     slowest = min(limits.x.velocity, limits.z.velocity)
     if lay_speed > slowest:
         yield (
@@ -361,7 +375,8 @@ def _workspace_problems(path: Array, installation: Installation) -> Iterator[str
     """Yield a text for each axis on which `path` (n, 2) [m] leaves the workspace."""
     box = installation.workspace
     for axis, name, (low, high) in ((0, "x", box.x), (1, "z", box.z)):
-        least, most = path[:, axis].min(), path[:, axis].max()
+        least = path[:, axis].min()
+        most = path[:, axis].max()
         # true for NaN
         if not (low - PATH_ERROR <= least and most <= high + PATH_ERROR):
             yield (
@@ -414,7 +429,8 @@ class Prediction:
     ) -> Self:
         """Prediction by simulated `folds` of the strip of `request` and its corners."""
         points = folds.trace.reshape(-1, 2)
-        (x_min, z_min), (x_max, z_max) = points.min(axis=0), points.max(axis=0)
+        x_min, z_min = points.min(axis=0)
+        x_max, z_max = points.max(axis=0)
         nominal = float(folds.displacement[0])
         spread = folds.displacement[folds.touched]
         return cls(

@@ -88,18 +88,23 @@ def _views_until_still(
     for frame in frames:
         if frame.stamp < due:
             continue
+
         due = frame.stamp + PERIOD
         seen = find_board(frame.image, detector, board)
         if seen.view is not None and seen.corners >= boards.corners:
             views.append(seen.view)
+
         small = cv2.resize(frame.image, SMALL, interpolation=cv2.INTER_AREA)
         if seen.markers:
             last_seen = frame.stamp
         elif views and before is not None and _is_still(before, small):
             return views, frame
+
         if frame.stamp > last_seen + PATIENCE:
             break
+
         before = small
+
     raise ConfigurationError(
         f"{film}: {NEVER_STILL if views else NO_BOARD.format(boards.corners)}"
     )
@@ -126,6 +131,7 @@ def _calibrate_by_board(
             " needed; let it stand for a second as the film begins, then tilt it"
             " slowly as you take it away"
         )
+
     board = np.vstack([view.board for view in standing])
     image = np.vstack([view.image for view in standing])
     on_board = [board, *(view.board for view in tilted)]
@@ -138,6 +144,7 @@ def _calibrate_by_board(
             f" {1e2 * boards.focal:g} % are needed; tilt it further as you take it"
             " away, slowly"
         )
+
     upright = board[:, :2] * (1, -1)  # the board's y is down
     pixels = fit.lens.undistort(image)
     plane, _ = fit_homography(pixels, upright)
@@ -223,7 +230,8 @@ def _find_strip(
         if abs(lengths[best] / strip.length - 1) < ALIKE:
             v, u = np.nonzero(labels == best)
             line = np.polynomial.Polynomial.fit(x[u], z[v], 1)
-            first, last = x[u.min()], x[u.max()]
+            first = x[u.min()]
+            last = x[u.max()]
             left = np.array([first, line(first)])
             right = np.array([last, line(last)])
             return _SeenStrip(left, right, np.median(plane[v, u], axis=0))

@@ -59,17 +59,19 @@ class FoldTrace:
         record.event(self._path[-1][0], UNLIKE_REASON, **asdict(agreed), reason=reason)
         if outcome.exit_code != 0:
             return outcome
-        return outcome.overridden_by(Outcome(UNLIKE_REASON, reason, 1))
+        return outcome.overridden_by(Outcome(UNLIKE_REASON, reason, exit_code=1))
 
     def _agreement(self, outcome: Outcome, origin: float) -> Agreement | None:
         """Agreement of strip and model; None without prediction, touch or a fit."""
         if outcome.predicted is None or outcome.touch is None or not self._stamps:
             return None
+
         touch = outcome.touch.time + origin
         path = np.array(self._path)
         stamps = np.array(self._stamps)
         curves = np.array(self._profiles)
         fold = MeasuredFold.until(touch, path[:, 0], path[:, 1:], stamps, curves)
+
         try:
             return agreement(self._strip, outcome.predicted, fold)
         except CellError:

@@ -107,11 +107,20 @@ def observe(
             )
         _check_enough(measured, film)
         path = _held_path(measured, strip)
-        _write(new_run, measured, path, strip, calibration, touch)
+        _write(
+            folder=new_run,
+            measured=measured,
+            path=path,
+            strip=strip,
+            calibration=calibration,
+            touch=touch,
+        )
         write_document(new_run / RUN, _header(cell, strip, calibration, measured))
 
     confident = sum(map(_is_confident, measured))
-    return FilmMeasurement(folder, begin, len(measured), confident, touch)
+    return FilmMeasurement(
+        folder=folder, begin=begin, images=len(measured), read=confident, touch=touch
+    )
 
 
 def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Frame]:
@@ -124,19 +133,28 @@ def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Fram
     for frame in Film(film).frames():
         if frame.stamp < begin:
             continue
+
         height, width = frame.image.shape[:2]
         if abs(width * lens.height / (height * lens.width) - 1.0) > PROPORTIONS:
             raise ConfigurationError(
                 f"{film}: is {width} x {height}, the calibration is for {lens.width} x "
                 f"{lens.height} pixels; calibrate this camera as it films"
             )
+
         image = frame.image
         if (width, height) != (lens.width, lens.height):
             image = cv2.resize(
                 image, (lens.width, lens.height), interpolation=cv2.INTER_AREA
             )
+
         stamp = frame.stamp - begin
-        yield Frame(stamp, stamp, frame.source, frame.sequence, image)
+        yield Frame(
+            stamp=stamp,
+            arrival=stamp,
+            source=frame.source,
+            sequence=frame.sequence,
+            image=image,
+        )
 
 
 def _appearance(

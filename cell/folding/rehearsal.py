@@ -88,6 +88,7 @@ class Rehearsal:
         fastest = np.array([axis.velocity for axis in self.limits.axes])
         snapshot = yield Drive(ZERO_VELOCITY)
         start = snapshot.time
+
         while (time := snapshot.time - start) < due[-1] + min(RAMP, due[-1]):
             eased = [_eased_time(time, due[-1]), _eased_time(time + LOOKAHEAD, due[-1])]
             target, ahead = interpolate_columns(np.array(eased), due, poses)
@@ -96,6 +97,7 @@ class Rehearsal:
                 (ahead - target) / LOOKAHEAD + GAIN * error, -fastest, fastest
             )
             snapshot = yield Drive(Velocity(*rate.tolist()))
+
         return (yield from move(Pose.from_array(poses[-1])))
 
 
@@ -126,13 +128,17 @@ def rehearsal(
             f" the workspace ends at {ceiling:.2f} m; raise installation.workspace.z in"
             " cell.yaml"
         )
+
     if elbow is not None:
-        reach = plan_reach(installation, raised, speeds, (elbow,), limits)
+        reach = plan_reach(
+            installation, path=raised, speeds=speeds, elbows=(elbow,), limits=limits
+        )
         if not reach.allowed:
             raise ConfigurationError(
                 "--rehearse: the arm cannot follow the fold in the air:"
                 f" {reach.problems[0]}; see `cell fold --dry-run --arm fci`"
             )
+
     return Rehearsal(raised, speeds, installation.limits)
 
 
@@ -144,12 +150,15 @@ def rehearse(
     Raises PreflightRefused for a fold with problems.
     """
     request = foreseen.require().request
-    settings, strip = request.settings, request.strip
+    settings = request.settings
+    strip = request.strip
     elbow, limits = None, FR3
     if foreseen.reach is not None:
         limits = foreseen.reach.limits
         elbow = home_joints(settings, strip)[ELBOW_JOINT]
-    path, speeds = foreseen.path, foreseen.speeds
+
+    path = foreseen.path
+    speeds = foreseen.speeds
     planned = rehearsal(settings, strip, path, speeds, elbow, limits)
     return move_manually(settings, request.trial, planned.motion, interrupted, strip)
 

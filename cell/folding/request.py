@@ -223,11 +223,13 @@ def line_at(option: str, texts: Sequence[str], length: float) -> float | None:
             " second fold carries two layers, which no model of this cell describes;"
             " fold once, and lay the strip again"
         )
+
     share = re.fullmatch(r"\s*([\d.]+)\s*(?:/\s*([\d.]+)\s*)?", texts[0])
     try:
         at = length * float(share[1]) / float(share[2] or 1) if share else None
     except (ValueError, ZeroDivisionError):
         at = None
+
     at = metres(option, texts[0]) if at is None else at
     low, high = (allowed * length for allowed in LINES)
     if not low <= at <= high:
@@ -236,6 +238,7 @@ def line_at(option: str, texts: Sequence[str], length: float) -> float | None:
             f" {1e3 * low:.0f} to {in_mm(high)}, {LINES[0]:g} to {LINES[1]:g} of"
             " the strip's length: beyond the middle the grasped part is the longer one"
         )
+
     return at
 
 

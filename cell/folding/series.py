@@ -28,9 +28,15 @@ def identity(requests: Sequence[Request]) -> dict[str, str]:
     The plan has policies, speeds, seeds, weights and the number of folds.
     """
     first = requests[0]
-    plants = [r.trial.plant.model_dump_json() for r in requests if r.trial.plant]
+    plants = [
+        request.trial.plant.model_dump_json()
+        for request in requests
+        if request.trial.plant
+    ]
     plan = [
-        f"{r.policy} {r.speed} {r.at} {r.trial.seed} {r.full_speed}" for r in requests
+        f"{request.policy} {request.speed} {request.at} {request.trial.seed}"
+        f" {request.full_speed}"
+        for request in requests
     ]
     weights = b"" if first.checkpoint is None else first.checkpoint.read_bytes()
     return {
@@ -64,10 +70,13 @@ def _begin(
     requests: Sequence[Request], kind: str, path: Path | None
 ) -> AbstractContextManager[RunSeries]:
     """Begin a series; ConfigurationError where its manifest cannot be written."""
-    strip, runs = requests[0].strip.name, requests[0].runs
+    strip = requests[0].strip.name
+    runs = requests[0].runs
     stamp = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{strip}-{kind}-{token_hex(2)}"
     manifest = runs / f"{stamp}.{MANIFEST}" if path is None else path
-    return new_series(manifest, kind, strip, identity(requests), len(requests))
+    return new_series(
+        path=manifest, kind=kind, name=strip, of=identity(requests), parts=len(requests)
+    )
 
 
 def _resume(

@@ -121,6 +121,7 @@ def evaluate(
         calls, partial(_fold_row, policy, rollout, seed, side), pieces, meter
     )
     half = 0.5 * grid(side)[0].length
+
     evaluations = []
     for engine in ENGINES:
         d = np.array([rows[engine, row] for row in range(side)])
@@ -167,7 +168,9 @@ def _fold_row(
     engine, row = piece
     strips = grid(side)[row * side : (row + 1) * side]
     rng = np.random.default_rng([*seed, row])
-    return _displacements(policy, rollout, stepper(engine), strips, rng)
+    return _displacements(
+        policy, rollout, engine=stepper(engine), strips=strips, rng=rng
+    )
 
 
 def _fold_with(policy: Policy, rollout: Rollout, segments: int, name: str) -> Array:
@@ -176,7 +179,9 @@ def _fold_with(policy: Policy, rollout: Rollout, segments: int, name: str) -> Ar
     strips = [
         strip_under_condition(name, rng, STRIP_LENGTH) for _ in range(STRIPS_PER_EFFECT)
     ]
-    return _displacements(policy, rollout, Rod(segments, strict=False), strips, rng)
+    return _displacements(
+        policy, rollout, engine=Rod(segments, strict=False), strips=strips, rng=rng
+    )
 
 
 def _displacements(

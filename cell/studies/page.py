@@ -72,6 +72,7 @@ def page_of(results: Results) -> str:
     for row in summary:
         edges_apart = map(numeral, (row.strips.offset, row.strips.worst_offset))
         strips.append((*row.strip_cells(), *edges_apart))
+
     asked = results.asked
     made_with = {
         "speed": f"{results.speed:g} m/s",
@@ -109,6 +110,7 @@ def verdict_of(results: Results) -> PageVerdict:
     if row is None or row.strips.folded == 0:
         said = "It is made of the policy `feedback`, which folded no strip here."
         return PageVerdict("fair", "The paper's claim was not tried", (said,))
+
     main = next(claims(results))
     strips = row.strips
     headline = f"Under {limit} on every strip: {'held' if main.held else 'not held'}"
@@ -123,7 +125,11 @@ def verdict_of(results: Results) -> PageVerdict:
     )
     tone: Tone = "good" if main.held else "bad"
     return PageVerdict(
-        tone, headline, sentences, millimetres(strips.worst), "worst |d|, feedback"
+        tone=tone,
+        headline=headline,
+        sentences=sentences,
+        figure=millimetres(strips.worst),
+        error="worst |d|, feedback",
     )
 
 
@@ -142,6 +148,7 @@ def _outside_range(results: Results) -> str:
             or np.isnan(simulated.displacement_grid).all()
         ):
             continue
+
         below = seen < np.nanmin(simulated.displacement_grid)
         above = seen > np.nanmax(simulated.displacement_grid)
         texts.append(f"{policy} {np.sum(below | above)} of {seen.size}")
@@ -250,6 +257,7 @@ def _repeats_figure(results: Results) -> str:
         axes.axvspan(-half, half, color=BAND, alpha=0.18, lw=0)
         _draw_zero_line(axes)
         widest = 2 * half
+
         for row, policy in enumerate(policies):
             d = 1e3 * displacements(results.repeats(policy))
             d = d[np.isfinite(d)]
@@ -263,6 +271,7 @@ def _repeats_figure(results: Results) -> str:
                 clip_on=False,
                 gid=policy,
             )
+
         _policy_rows(axes, policies)
         axes.set_xlim(-1.08 * widest, 1.08 * widest)
         axes.set_xlabel(
@@ -285,6 +294,7 @@ def _range_figure(results: Results) -> str:
         _draw_zero_line(axes)
         for row, policy in enumerate(policies):
             _draw_policy_range(axes, results, policy, row)
+
         axes.use_sticky_edges = False
         axes.margins(x=0.03)
         _policy_rows(axes, policies, foot=0.5)
@@ -301,12 +311,14 @@ def _draw_strips(axes: Any, results: Results) -> None:
     _draw_zero_line(axes)
     for row in range(len(strips)):
         axes.axhline(row, color=RULE, lw=0.6, zorder=0)
+
     for policy in results.asked.policies:
         folds = results.folds(policy)
         rows = [strips.index(fold.strip) for fold in folds]
         front = 6 - 0.2 * look_of(policy).size  # smaller markers lie over larger ones
         d = 1e3 * displacements(folds)
         axes.plot(d, rows, **dot(policy), label=policy, zorder=front, clip_on=False)
+
     _label_rows(axes, strips, foot=0.55)  # room for the paper's numbers
     axes.set_xlabel(DISPLACEMENT)
     axes.legend(**LEGEND_ABOVE, labelcolor="linecolor")
@@ -321,6 +333,7 @@ def _draw_paper_numbers(axes: Any) -> None:
     style = {"transform": foot, "ha": "center", "va": "bottom", "fontsize": NOTE}
     box = {"facecolor": PAPER, "edgecolor": "none", "pad": 1.2, "alpha": 0.85}
     axes.text(0, 0.012, f"paper < {FEEDBACK_LIMIT:.0f}", color=GREEN, zorder=3, **style)
+
     for policy, mean in PAPER_MEANS.items():
         x = 1e3 * mean
         axes.axvline(x, color=colour(policy), lw=0.9, ls=DASHES, alpha=0.8, zorder=1)
@@ -342,6 +355,7 @@ def _draw_policy_range(axes: Any, results: Results, policy: str, row: int) -> No
         axes.plot(
             [np.median(d)] * 2, [row - 0.28, row + 0.28], color=colour(policy), lw=1.6
         )
+
     seen = 1e3 * displacements(results.folds(policy))
     mark = {"ms": 4.4, "mfc": PAPER, "mec": INK, "mew": 0.9, "zorder": 4}
     axes.plot(seen, np.full(seen.size, row), "s", gid="through images", **mark)
@@ -378,6 +392,7 @@ def _maps_figure(results: Results) -> str:
         ]
         for axes in panels[len(measured) :]:
             axes.set_axis_off()
+
         panels[0].set_ylabel("damping over the least")
         bar = figure.colorbar(
             maps[-1], ax=list(panels), shrink=0.8, pad=0.01, aspect=22
@@ -402,6 +417,7 @@ def _force_figure(results: Results) -> str:
             folds = results.over_range(policy, "rod")
             if folds is None:
                 continue
+
             low, high = np.quantile(folds.force, [0.05, 0.95])
             axes.plot([low, high], [row, row], color=colour(policy), lw=5, alpha=0.25)
             mean = np.mean(folds.force)
@@ -415,6 +431,7 @@ def _force_figure(results: Results) -> str:
                 fontsize=8.5,
                 color=INK,
             )
+
         _policy_rows(axes, policies)
         axes.set_xlim(0, None)
         axes.margins(x=0.12)

@@ -94,13 +94,21 @@ def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
             planning = (PLANNING_FOLDS if plans else 1) * STRIP_COST["rod"]
             cost = side**2 * (STRIP_COST[engine] + planning)
             yield Part(
-                key, of, cost, fold_range, arguments=(policy, engine, side, speed)
+                key=key,
+                of=of,
+                cost=cost,
+                function=fold_range,
+                arguments=(policy, engine, side, speed),
             )
         for name in HIDDEN_EFFECTS:
             key = f"{policy} on {size.hidden} strips with {name or 'nothing'} hidden"
             cost = size.hidden * EFFECT_COST * (PLANNED_COST if plans else 1)
             yield Part(
-                key, of, cost, fold_effect, arguments=(policy, name, size.hidden, speed)
+                key=key,
+                of=of,
+                cost=cost,
+                function=fold_effect,
+                arguments=(policy, name, size.hidden, speed),
             )
 
 
@@ -126,10 +134,10 @@ def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[
         request = Request(cell, strip, policy, runs, trial=Trial(seed=seed))
         key = f"fold {strip.name} by {policy}, seed {seed}"
         yield Part(
-            key,
-            digest(code(), *inputs),
-            IMAGES_COST,
-            _fold_images,
+            key=key,
+            of=digest(code(), *inputs),
+            cost=IMAGES_COST,
+            function=_fold_images,
             arguments=(request,),
         )
 
@@ -154,7 +162,12 @@ def fold_range(policy: str, engine: EngineName, side: int, speed: float) -> Rang
     strips = grid(side)
     rng = np.random.default_rng(0)
     folds = _fold_known(
-        policy, strips, strips, stepper(engine), Rollout(speed=speed), rng
+        policy,
+        known=strips,
+        strips=strips,
+        engine=stepper(engine),
+        settings=Rollout(speed=speed),
+        rng=rng,
     )
     return RangeFolds(
         policy=policy,
@@ -175,7 +188,9 @@ def fold_effect(policy: str, name: str, count: int, speed: float) -> EffectFolds
     strips = [_strip_with(name, rng) for _ in range(count)]
     known = [strip.model_copy(update={"effects": {}}) for strip in strips]
     settings = Rollout(speed=speed, sensing=IMAGE_SENSING)
-    folds = _fold_known(policy, known, strips, stepper("rod"), settings, rng)
+    folds = _fold_known(
+        policy, known, strips, engine=stepper("rod"), settings=settings, rng=rng
+    )
     return EffectFolds(
         policy=policy, effect=name, displacement=finite_or_none(folds.displacement)
     )

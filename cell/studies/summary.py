@@ -58,7 +58,16 @@ class StripNumbers:
         """Statistics of `folds`, out of `asked` strips."""
         touched = [fold for fold in folds if fold.displacement is not None]
         if not touched:
-            return cls(0, asked, NAN, NAN, NAN, NAN, "", NAN)
+            return cls(
+                folded=0,
+                of=asked,
+                mean=NAN,
+                low=NAN,
+                high=NAN,
+                worst=NAN,
+                worst_strip="",
+                misread=NAN,
+            )
         d = displacements(touched)
         true = np.array([fold.displacement_true for fold in touched], dtype=np.float64)
         worst = int(np.argmax(np.abs(d)))
@@ -91,7 +100,7 @@ class RangeNumbers(Misses):
     def of_folds(cls, folds: RangeFolds | None) -> "RangeNumbers":
         """Statistics of `folds` over the grid of strips; NaN where there are none."""
         if folds is None:
-            return cls(NAN, NAN, NAN, 0, NAN)
+            return cls(mean=NAN, quantile_95=NAN, worst=NAN, untouched=0, force=NAN)
         return cls(
             **asdict(Misses.from_displacements(folds.displacement_grid)),
             force=float(np.mean(folds.force)),
@@ -196,13 +205,16 @@ def claims(results: Results) -> Iterator[Claim]:
         yield _limit_claim(
             folds["feedback"], count, "feedback", PAPER_WORST["feedback"]
         )
+
     for policy in filter(folds.__contains__, PAPER_MEANS):
         yield _sign_claim(folds[policy], count, policy)
+
     if folds.keys() >= set(PAPER_POLICIES):
         yield _smallest_mean_claim(folds)
     if "planned" in folds:
         who = "methods that know the properties"
         yield _limit_claim(folds["planned"], count, who, KNOWN_STRIP_BOUND)
+
     repeats = {p: results.repeats(p) for p in PAPER_POLICIES if p in folds}
     if any(len(f) > 1 for f in repeats.values()):
         yield _repeatability_claim(repeats)

@@ -70,7 +70,9 @@ class Trained:
         if self.trial is not None:
             content["trial"] = asdict(self.trial)
         if self.effects:
-            content["effects"] = {e.effect: e.facts() for e in self.effects}
+            content["effects"] = {
+                effect.effect: effect.facts() for effect in self.effects
+            }
         return content
 
 
@@ -122,9 +124,11 @@ def _evaluate(
         seed = [settings.seed]
         with Meter(console) as meter:
             effects = evaluate_effects(policy, rollout, settings.segments, calls, meter)
+
     finer = replace(rollout, substeps=SUBSTEPS)
     with Meter(console) as meter:
         found = evaluate(policy, finer, seed, side, calls, meter)
+
     trial = training.trial
     return Trained(training.checkpoint, settings, found, trial=trial, effects=effects)
 
@@ -168,9 +172,11 @@ def _fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
         )
         result = fold(request, calibration_of(request.cell))
         stored = read_run(Path(result.run)).result
+
     predicted = None if stored is None else stored.foretold
     if result.exit_code != 0 or predicted is None or result.displacement_true is None:
         return {}
+
     return {
         "displacement": result.displacement_true,
         "predicted": predicted.displacement,
@@ -195,7 +201,8 @@ def transfer(
     make_folder(folder)
     save_critic(folder / UNTRANSFERRED, critic, facts)
     bias, quality = fit_transfer(_fold_all(folder, seed, count, engine, meter))
-    correction, left_out = {"bias": bias.model_dump()}, asdict(quality)
+    correction = {"bias": bias.model_dump()}
+    left_out = asdict(quality)
     origin = {
         "transfer": correction,
         "seed": seed,
@@ -219,7 +226,13 @@ def _fold_all(
     bare = (folder / UNTRANSFERRED).resolve()
     of = digest(code(), sha256(bare.read_bytes()).hexdigest()[:12])
     parts = [
-        Part(f"{seed}-{number:04d}", of, SECONDS, _fold_drawn, (number, seed, bare))
+        Part(
+            key=f"{seed}-{number:04d}",
+            of=of,
+            cost=SECONDS,
+            function=_fold_drawn,
+            arguments=(number, seed, bare),
+        )
         for number in range(count)
     ]
     records = sorted(

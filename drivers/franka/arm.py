@@ -75,6 +75,7 @@ class FciArm:
         self._require_open()
         if self._child is not None:
             return
+
         self._commands = Mailbox(LoopCommand)
         self._reports = Mailbox(Report)
         self._child = Child(
@@ -82,11 +83,13 @@ class FciArm:
         )
         self._commands.close()  # the memory stays mapped
         self._reports.close()
+
         # after Ctrl-C nobody would end the robot's process later
         with ExitStack() as undo:
             undo.callback(self._child.close, END_PATIENCE)
             self._receive(self._child, self._access.settings.start)
             undo.pop_all()
+
         self._start_time = self._clock.now()
 
     def join(self) -> None:

@@ -164,11 +164,14 @@ def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
             yield _difference(
                 quantity, _frame_text(frame), _frame_text(assumed), remedy
             )
+
     if not abs(state.m_ee - tool.mass) <= MASS_TOLERANCE:
         yield _difference("the hand's mass", _kg(state.m_ee), _kg(tool.mass), IN_DESK)
     if not abs(state.m_load) <= MASS_TOLERANCE:
         yield _difference("the load", _kg(state.m_load), _kg(0.0), BY_RESET)
-    centre, stated = np.array(state.F_x_Cee), np.array(tool.centre)
+
+    centre = np.array(state.F_x_Cee)
+    stated = np.array(tool.centre)
     if not np.abs(centre - stated).max() <= CENTRE_TOLERANCE:
         texts = _position_text(centre), _position_text(stated)
         yield _difference("the hand's centre of mass", *texts, IN_DESK)

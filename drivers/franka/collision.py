@@ -41,7 +41,8 @@ def _spheres() -> tuple[Array, Array, Array]:
     """
     rows = []
     for link, first, last, radius in CAPSULES:
-        begin, end = np.array(first), np.array(last)
+        begin = np.array(first)
+        end = np.array(last)
         count = 1 + int(np.ceil(np.linalg.norm(end - begin) / SPHERE_SPACING))
         rows += [(*point, radius, link) for point in np.linspace(begin, end, count)]
     table = np.array(rows)
@@ -87,7 +88,8 @@ def self_clearance(q: Array) -> Array:
     [rad].
     """
     centres = _sphere_centres(q)
-    low, high = centres[..., _LOW, :], centres[..., _HIGH, :]
+    low = centres[..., _LOW, :]
+    high = centres[..., _HIGH, :]
     between = np.linalg.norm(low[..., :, None, :] - high[..., None, :, :], axis=-1)
     gaps = between - RADII[_LOW][:, None] - RADII[_HIGH]
     clearance: Array = gaps.min(axis=(-1, -2))
@@ -110,7 +112,8 @@ class Solids:
         Base and first link are left out, as part of the stand.
         """
         centres = _sphere_centres(q)[..., _MOVABLE, :]
-        turn, origin = self.frame[:3, :3], self.frame[:3, 3]
+        turn = self.frame[:3, :3]
+        origin = self.frame[:3, 3]
         within = ((centres - origin) @ turn)[..., None, :, :]
         low, high = np.array([(box.low, box.high) for box in self.boxes]).swapaxes(0, 1)
         beyond = np.maximum(low[:, None] - within, within - high[:, None])

@@ -38,13 +38,15 @@ class OwnTorques:
         self._start = model.torques(joints)
         squares = max(float(self._start @ self._start), LEAST_WEIGHT)
         self.share = float(np.clip(felt @ self._start / squares, -1.0, 1.0))
-        self._seconds, self._rate = 0.0, np.zeros(7)
+        self._seconds = 0.0
+        self._rate = np.zeros(7)
 
     def change(self, state: Any) -> Array:
         """Torques (7,) [N m] by which the estimate changes from rest to the robot's
         `state`, in motion.
         """
-        seconds, rate = state.time.to_sec(), np.array(state.dq)
+        seconds = state.time.to_sec()
+        rate = np.array(state.dq)
         passed = max(seconds - self._seconds, TICK)
         acceleration = (rate - self._rate) / passed
         self._seconds, self._rate = seconds, rate
@@ -83,6 +85,7 @@ class Tare:
         if not (np.isfinite(wrench).all() and np.isfinite(torques).all()):
             reason = "the robot reports moments or torques at rest that are no numbers"
             raise ArmFault(Cause.PRESSED, reason)
+
         own = None if model is None else OwnTorques(model, states[-1].q, torques)
         return cls(tuple(wrench.tolist()), tuple(torques.tolist()), own)
 
@@ -122,16 +125,19 @@ class ForceGuard:
         force = hypot(*self.beyond_tare(state)[:3])
         if not force <= self.force:
             return f"the gripper met {force:.1f} N, allowed {self.force:.1f} N"
+
         expected = self.tare.torques_in(state)
         felt = np.subtract(state.tau_ext_hat_filtered, expected)
         if self._torques is not None:
             felt = self._torques + NEWEST * (felt - self._torques)
+
         self._torques = felt
         torques = np.abs(felt)
         largest = torques.max()  # NaN if any torque is NaN
         if not largest <= self.torque:
             joint = torques.argmax() + 1
             return f"joint {joint} met {largest:.1f} N m, allowed {self.torque:.1f} N m"
+
         return ""
 
 
@@ -161,6 +167,7 @@ class DriftMonitor:
         if self._rested < SETTLING:
             self._mean = [0.0, 0.0, 0.0]
             return ""
+
         share = self._tick / SMOOTHING
         wrench = self._guard.beyond_tare(state)
         self._mean = [
@@ -169,6 +176,7 @@ class DriftMonitor:
         force = hypot(*self._mean)
         if force <= self._allowed:
             return ""
+
         return (
             f"the force felt at rest drifted to {force:.1f} N, allowed"
             f" {self._allowed:.1f} N"

@@ -243,14 +243,17 @@ class FciHand:
         with suppress(BlockingIOError):  # once none is left
             for _ in range(MOST_DATAGRAMS):
                 self._store_state(_parse_state(links.udp.recv(256)))
+
         try:
             with suppress(BlockingIOError):
                 self._received += _recv(links.tcp)
             replies = _take_replies(self._received)
         except OSError as error:
             raise _hand_lost(self._address, error) from error
+
         for reply in replies:
             self._finish_motion(reply)
+
         self._repeat_stop()
 
     def _store_state(self, fingers: FingerState | None) -> None:
@@ -275,6 +278,7 @@ class FciHand:
         status = reply.status
         if reply.number != self._motion:
             return
+
         self._motion = None
         self._ended = self._fingers.number
         self._stop_sent = None
@@ -290,6 +294,7 @@ class FciHand:
             raise Fault(
                 "hand_not_homed", "the hand could not be homed; free its fingers"
             )
+
         ended = status in (HandStatus.SUCCESS, HandStatus.UNSUCCESSFUL)
         self._closed = ended and reply.command == HandCommand.GRASP
         if self._next:
@@ -321,6 +326,7 @@ def _connect(address: str) -> tuple[Links, FingerState]:
         )
         with suppress(OSError):
             tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
         udp.bind((tcp.getsockname()[0], 0))
         tcp.sendall(
             _request(0, HandCommand.CONNECT, (PROTOCOL_VERSION, udp.getsockname()[1]))
@@ -328,6 +334,7 @@ def _connect(address: str) -> tuple[Links, FingerState]:
         received = bytearray()
         while not (answers := _take_replies(received)):
             received += _recv(tcp)
+
         answer = answers[0]
         if answer.status != HandStatus.SUCCESS:
             raise Fault(
@@ -336,9 +343,11 @@ def _connect(address: str) -> tuple[Links, FingerState]:
                 f" interface, the cell speaks {PROTOCOL_VERSION}; update the robot's"
                 " system image or the cell",
             )
+
         udp.settimeout(CONNECT_TIMEOUT)
         while (first := _parse_state(udp.recv(256))) is None:
             continue
+
         tcp.setblocking(False)
         udp.setblocking(False)
         opened.pop_all()
@@ -384,6 +393,7 @@ def _take_replies(received: bytearray) -> list[Reply]:
             raise ConnectionError(f"it sent a reply of {size} bytes")
         if len(received) < size:
             break
+
         (status,) = NUMBER.unpack_from(received, HEADER.size)
         has_version = size >= version_at + NUMBER.size
         version = NUMBER.unpack_from(received, version_at)[0] if has_version else None

@@ -125,7 +125,7 @@ def track(
     """
     for _ in range(iterations):
         reached, jac = pose_and_jacobian(q)
-        step = joint_step(q, reached, jac, pose, elbow)
+        step = joint_step(q, reached, jac, target=pose, elbow=elbow)
         q = q + step
         size = float(np.abs(step).max())
         if size < CONVERGED:
@@ -219,6 +219,7 @@ def _descend(pose: Array, start: Array, tool: Array, limits: JointLimits) -> Att
         size = float(np.abs(error).max())
         if size < POSE_TOLERANCE / 2:
             break
+
         centring = (
             CENTRING_SHARE * (limits.middle - joints) * min(1.0, CENTRING_GAIN * size)
         )
@@ -226,6 +227,7 @@ def _descend(pose: Array, start: Array, tool: Array, limits: JointLimits) -> Att
         blocked = np.clip(joints + step, *limits.ends) != joints + step
         if blocked.any():  # the other joints compensate for those at their limits
             step = _step(jac * ~blocked, error, centring * ~blocked, size)
+
         step *= min(1.0, LARGEST_STEP / max(float(np.abs(step).max()), LARGEST_STEP))
         joints = np.clip(joints + step, *limits.ends)
     error = twist_between(pose_and_jacobian(joints, tool)[0], pose)
@@ -253,6 +255,7 @@ def _failure_reason(
     """
     if best is None:
         return "no posture was tried"
+
     flange = pose @ np.linalg.inv(tool)
     distance = float(np.linalg.norm(flange[:3, 3] - SHOULDER))
     if distance > WRIST_REACH + HAND_REACH:
@@ -260,6 +263,7 @@ def _failure_reason(
             f"the flange would be {distance:.2f} m from the shoulder; the arm ends"
             " before"
         )
+
     room = limits.margins(best.joints)
     ended = [f"joint {joint + 1}" for joint in range(7) if room[joint] < AT_END]
     missed = (

@@ -199,6 +199,7 @@ class CommandedJoints:
             sent.clear()
             self._alone = 0
             return True
+
         self._find(state, before)
         return in_time and _distance(state, last.setpoint) < ROUNDING
 
@@ -339,9 +340,11 @@ def follow_joints(
         objection = objection or guard.objection(state)
         if objection:
             setpoints.brake(HARD)
+
     robot.write_joints(motion, setpoints.joints, last=True)
     if objection:
         raise ArmFault(Cause.CONTACT, objection)
+
     return list(state.q)
 
 
@@ -392,7 +395,9 @@ class HandMotion:
         near = self._aim.after(ticks).position
         near_pose, jacobian = pose_and_jacobian(near)
         # one Newton step is exact there
-        joints = near + joint_step(near, near_pose, jacobian, pose, self._elbow)
+        joints = near + joint_step(
+            q=near, reached=near_pose, jac=jacobian, target=pose, elbow=self._elbow
+        )
         self._aim = self._aim.to(joints, ticks)
         self._prepared, self._lost = True, 0
 
@@ -403,8 +408,10 @@ class HandMotion:
         commanded = self._commanded
         if commanded.stands:
             return commanded.again()
+
         self._prepared = False
-        aim, found = self._aim.after(self._lost), commanded.setpoint
+        aim = self._aim.after(self._lost)
+        found = commanded.setpoint
         before = aim.position - TICK * aim.rate
         away = before - found.position
         faster = aim.rate - TICK * aim.acceleration - found.rate

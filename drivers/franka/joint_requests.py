@@ -92,7 +92,7 @@ def hand_pose(access: RobotAccess) -> list[float]:
 
     Raises Fault, also where the robot's tool is not the cell's.
     """
-    return _run_in_process(access, None, lambda _: None)
+    return _run_in_process(access, request=None, show=lambda _: None)
 
 
 def _run_in_process(
@@ -161,10 +161,10 @@ def _go(
             guard = robot.tared_guard()
         reached = follow_joints(
             robot,
-            joints.tolist(),
-            request.share,
-            guard,
-            lambda state: told(state) or interrupted(),
+            joints=joints.tolist(),
+            share=request.share,
+            guard=guard,
+            until=lambda state: told(state) or interrupted(),
         )
     termination.check()
     return reached
@@ -225,7 +225,13 @@ def retreat(
         return interrupted() or _force_on_gripper(state) < FREE * allowed
 
     try:
-        follow_joints(robot, path[-1].tolist(), SPEED_SHARE, guard, is_over)
+        follow_joints(
+            robot,
+            joints=path[-1].tolist(),
+            share=SPEED_SHARE,
+            guard=guard,
+            until=is_over,
+        )
     finally:
         # of a robot that a reflex has stopped; motions set their own
         with suppress(ArmFault):

@@ -149,11 +149,13 @@ def _arm_joints(description: str) -> dict[int, ElementTree.Element]:
     """Elements of the arm's joints in a URDF `description`, by their numbers 1 to 7."""
     if "<!" in description.replace("<!--", ""):
         raise ArmFault(Cause.MODEL, "the robot's description holds a declaration")
+
     try:
         root = ElementTree.fromstring(description)  # noqa: S314  no entities: refused above
     except ElementTree.ParseError as error:
         words = f"the robot's description is no XML: {error}"
         raise ArmFault(Cause.MODEL, words) from None
+
     joints = dict(_named_joints(root))
     if not joints:
         words = f"the robot calls itself {root.get('name', 'nothing')!r}"

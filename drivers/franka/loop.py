@@ -125,7 +125,10 @@ class ServoLoop:
             Pose(*self._plane.to_cell(hand)),
         )
         self._reach = ReachGuard(
-            self._plane, installation.limits, self._state.q, access.limits
+            plane=self._plane,
+            motion=installation.limits,
+            joints=self._state.q,
+            limits=access.limits,
         )
         self._wait_until_followed()
         self._publish(self._state)
@@ -309,6 +312,7 @@ class ServoLoop:
                 Cause.NOT_FINITE, "the robot reported a pose that is not a number"
             )
             measured = self._measured[-1][1] if self._measured else measured
+
         beside = self._plane.position_in_cell(pose)[1]
         if abs(beside) > BESIDE:
             self._brake_for_good(
@@ -342,6 +346,7 @@ def _warm_up(installation: Installation) -> None:
     profile = MotionProfile(installation.limits, space, Pose(x, z, pitch))
     guard = ReachGuard(plane, installation.limits, HOME.tolist())
     profile.set_velocity(Velocity(SLOW_SPEED, SLOW_SPEED, SLOW_SPEED))
+
     for _ in range(TICKS_BETWEEN_CHECKS):
         x, z, pitch = profile.tick()
         plane.command(x, z, pitch)
@@ -399,7 +404,12 @@ def run_loop(
         clock = WallClock(origin)
         termination = TerminationFlag()
         loop = ServoLoop(
-            robot, access, commands, reports, clock.now, robot.tared_guard()
+            robot=robot,
+            access=access,
+            commands=commands,
+            reports=reports,
+            now=clock.now,
+            touch=robot.tared_guard(),
         )
         send(pipe, Ready())
         if access.settings.in_lock_step:
@@ -408,9 +418,11 @@ def run_loop(
             while loop.halted is None and not pipe.poll() and not termination.is_set:
                 loop.step()
                 timing.update(clock.now(), loop.success)
+
         loop.end()
         if loop.halted is not None:
             raise loop.halted
+
         termination.check()
         send(pipe, Ended(timing.content()))
         send(pipe, loop.joints.content())

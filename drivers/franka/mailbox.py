@@ -94,6 +94,7 @@ class Mailbox(SharedMemory, Generic[V]):
         end = middle + self._struct.size
         if descriptor is None:
             os.ftruncate(self.descriptor, end)
+
         view = memoryview(mmap(self.descriptor, end))
         self._count = view[:WORD].cast("Q")
         self._slots = view[WORD:middle], view[middle:end]

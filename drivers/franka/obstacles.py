@@ -69,6 +69,7 @@ def require_clear(path: list[Pose], end: float) -> None:
     deepest = int(np.argmin(heights))
     if heights[deepest] > min(0.0, heights[0] - LEAVING):
         return
+
     x, z, pitch = poses[deepest]
     raise Fault(
         "hand_meets_desk",
@@ -186,12 +187,15 @@ def _objection(points: Sequence[Array], solids: Solids) -> str:
     for start, end in pairwise(points):
         count = 2 + int(np.abs(end - start).max() / POSTURE_SPACING)
         legs.append(np.linspace(start, end, count))
+
     path = np.concatenate(legs)
     gaps = np.column_stack([self_clearance(path), solids.clearance(path)])
     names = ("itself", *(f"the {box.name}" for box in solids.boxes))
+
     for name, gap in zip(names, gaps.T, strict=True):
         if not _keeps_clear(gap):
             return f"the arm would come to {1e3 * gap.min():.0f} mm from {name}"
+
     return ""
 
 
@@ -203,7 +207,8 @@ def _keeps_clear(gap: Array) -> bool:
     clear = np.flatnonzero(gap >= ARM_CLEARANCE)
     if not len(clear):
         return False
-    first, last = clear[0], clear[-1]
+    first = clear[0]
+    last = clear[-1]
     leaves = (np.diff(gap[: first + 1]) > -CLEARANCE_TOLERANCE).all()
     approaches = (np.diff(gap[last:]) < CLEARANCE_TOLERANCE).all()
     return bool(

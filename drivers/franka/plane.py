@@ -70,7 +70,8 @@ class StripPlane:
         """
         x, _, z = self.position_in_cell(pose)
         approach = pose[8:11]  # axis of the hand: along -x at pitch 0, down at pi/2
-        along, up = _dot(self._rows[0], approach), _dot(self._rows[2], approach)
+        along = _dot(self._rows[0], approach)
+        up = _dot(self._rows[2], approach)
         pitch = atan2(-up, -along)
         whole = pitch + 2 * pi if pitch < -pi / 2 else pitch
         return x + EDGE_AHEAD * along, z + EDGE_AHEAD * up, whole

@@ -110,6 +110,7 @@ def plan_reach(
     poses, times = densify(path, speeds)
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
+
     tracked = list[Reach]()
     # beyond the limits it is told which joint ends
     for begun_in in (limits, WIDEST):
@@ -119,7 +120,7 @@ def plan_reach(
             break
     else:
         x, z, pitch = path[0].tolist()
-        problem = Problem(x, z, pitch, NO_POSTURE)
+        problem = Problem(x=x, z=z, pitch=pitch, reason=NO_POSTURE)
         return Reach(
             turned=False,
             start=HOME,
@@ -128,6 +129,7 @@ def plan_reach(
             followed=0,
             problems=(problem,),
         )
+
     tracked.sort(
         key=lambda reach: (reach.allowed, reach.followed, reach.margin), reverse=True
     )
@@ -135,13 +137,17 @@ def plan_reach(
     for reach in tracked:
         if reach.allowed:
             guard = ReachGuard(
-                planes[reach.turned], installation.limits, reach.start.tolist(), limits
+                plane=planes[reach.turned],
+                motion=installation.limits,
+                joints=reach.start.tolist(),
+                limits=limits,
             )
             braking = _first_braking(guard, poses, times)
             if braking is None:
                 return reach
             in_lift = braking.pitch <= HANGING
             guarded.append(replace(reach, problems=(braking,)) if in_lift else reach)
+
     return max(
         guarded, key=lambda reach: (reach.allowed, reach.margin), default=tracked[0]
     )
@@ -166,7 +172,7 @@ def _postures(
             continue
         tracked = track(near, plane.matrix(*poses[0].tolist()), elbow, PATH_ITERATIONS)
         if tracked is not None:
-            yield _track_path(plane, poses, times, tracked[0], limits)
+            yield _track_path(plane, poses, times, start=tracked[0], limits=limits)
 
 
 def _track_path(
@@ -180,11 +186,13 @@ def _track_path(
     problems = list[Problem]()
     followed = 0
     margins = np.full(len(start), np.inf)
+
     for (x, z, pitch), time in zip(poses.tolist(), times.tolist(), strict=True):
         tracked = track(joints, plane.matrix(x, z, pitch), elbow, PATH_ITERATIONS)
         if tracked is None:
-            problems.append(Problem(x, z, pitch, NO_POSTURE))
+            problems.append(Problem(x=x, z=z, pitch=pitch, reason=NO_POSTURE))
             break
+
         before = joints
         joints = tracked[0]
         margins = np.minimum(margins, limits.margins(joints))
@@ -193,7 +201,9 @@ def _track_path(
             problems.append(Problem(x, z, pitch, reason))
         if len(problems) >= MOST_PROBLEMS:
             break
+
         followed += 1
+
     return Reach(
         turned=plane.turned,
         start=start,
@@ -231,6 +241,7 @@ def _step_objection(
             f"joint {joint + 1} comes within {margins[joint]:.2f} rad of its end, "
             f"allowed {PATH_MARGIN:.2f} rad"
         )
+
     low, high = limits.velocity_bounds(target)
     rate = (target - joints) / time
     used = np.maximum(
@@ -245,6 +256,7 @@ def _step_objection(
         )
     if manipulability(pose_and_jacobian(target)[1]) < SINGULAR:
         return "the arm would be close to a singular posture, stretched or folded"
+
     return ""
 
 
@@ -307,14 +319,17 @@ class ReachGuard:
         self._at_rest, rest_rates = self._track(self._at_rest, stopped)
         if rates is None or rest_rates is None:
             return "the arm does not reach on"
+
         margins = np.minimum(
             self._limits.margins(self._ahead), self._limits.margins(self._at_rest)
         )
         if margins.min() < JOINT_MARGIN:
             return f"joint {int(margins.argmin()) + 1} comes to its end"
+
         demand = self._demand(rates, rest_rates, velocity, acceleration)
         if demand.max() > 1.0:
             return f"joint {int(demand.argmax()) + 1} could not follow any further"
+
         return ""
 
     def _demand(
@@ -357,7 +372,13 @@ class ReachGuard:
         """
         x, z, pitch = pose.tolist()
         target = self._plane.matrix(x, z, pitch)
-        tracked = track(joints, target, self._elbow, ITERATIONS, TOLERANCE)
+        tracked = track(
+            q=joints,
+            pose=target,
+            elbow=self._elbow,
+            iterations=ITERATIONS,
+            tolerance=TOLERANCE,
+        )
         if tracked is None:
             return joints, None
         reached, jacobian = tracked

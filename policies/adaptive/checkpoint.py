@@ -129,14 +129,17 @@ def _read_weights(path: FilePath) -> dict[str, Array]:
     missing = [name for name in ARRAY_NAMES if name not in arrays]
     if missing:
         raise _broken(path, f"lacks {', '.join(missing)}")
+
     weights = {name: np.asarray(arrays[name]) for name in ARRAY_NAMES}
     units = (weights[f"{layer}_bias"].size for layer in ("recall", "first", "second"))
     expected = array_shapes(COUNT, *units)
+
     for name, array in weights.items():
         if array.dtype.kind != "f" or array.shape != expected[name]:
             raise _broken(path, f"{name} is {array.shape}, expected {expected[name]}")
         if not np.isfinite(array).all():
             raise _broken(path, f"{name} holds what is not a number")
+
     return weights
 
 

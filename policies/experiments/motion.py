@@ -103,10 +103,12 @@ class Motion:
 
 def motion(path: Path, parts: Sequence[Part], speed: float) -> Motion:
     """Compose a motion along `path` at `speed` [m/s] of `parts`, in order."""
-    times, travels = [0.0], [0.0]
+    times = [0.0]
+    travels = [0.0]
     shakes = []
     for part in parts:
-        time, travel = times[-1], travels[-1]
+        time = times[-1]
+        travel = travels[-1]
         if isinstance(part, Go):
             target = part.to * path.length
             times.append(time + abs(target - travel) / speed)
@@ -116,7 +118,13 @@ def motion(path: Path, parts: Sequence[Part], speed: float) -> Motion:
             shakes.append((time, part))
         times.append(time + part.duration)
         travels.append(travel)
-    return Motion(path, np.array(times), np.array(travels), tuple(shakes))
+
+    return Motion(
+        path=path,
+        times=np.array(times),
+        travels=np.array(travels),
+        shakes=tuple(shakes),
+    )
 
 
 # s to either side over which the velocity of the motion is averaged: a gripper turns no
@@ -246,14 +254,17 @@ def _travel(length: float, rng: np.random.Generator) -> Array:
     stops = [*np.sort(rng.uniform(*STOP_RANGE, rng.integers(MOST_STOPS + 1))), 1.0]
     if rng.uniform() < RETURN_SHARE and len(stops) > 1:
         stops.insert(1, stops[0] - rng.uniform(*RETURN_RANGE))
+
     speed = rng.uniform(*SPEED_RANGE)
     start = 0.0
     parts = [np.zeros(1)]
+
     for stop in length * np.array(stops):
         parts.append(_stroke(start, stop, speed, rng))
         pause = rng.uniform(*PAUSE_RANGE)
         parts.append(np.full(round(pause / STEP), stop))
         start = stop
+
     return np.concatenate(parts)
 
 

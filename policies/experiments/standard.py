@@ -67,12 +67,12 @@ STANDARD: Mapping[str, Standard] = MappingProxyType(
         "shake": Standard(
             "damping and its law",
             MIDDLE,
-            (Go(0.42), Shake(0.010, 2.0, cycles=4), Go(1.0)),
+            (Go(0.42), Shake(0.010, frequency=2.0, cycles=4), Go(1.0)),
         ),
         "early-shake": Standard(
             "damping and stiffness near the grip",
             MIDDLE,
-            (Go(0.22), Shake(0.006, 3.0, cycles=6), Go(1.0)),
+            (Go(0.22), Shake(0.006, frequency=3.0, cycles=6), Go(1.0)),
         ),
         "taut-lift": Standard(
             "length, stretch, grip, scale", circular, (Go(THIRD), Rest(0.5), Go(0.16))

@@ -39,6 +39,7 @@ class TrainingJournal:
         self.path = path
         with writing(path, OTHER_FOLDER):
             path.parent.mkdir(parents=True, exist_ok=True)
+
         asked = settings.model_dump(mode="json")
         first, *self.lines = read_json_lines(path, LARGEST_JOURNAL) or [{}]
         begun = first.get("settings")
@@ -48,6 +49,7 @@ class TrainingJournal:
             raise ConfigurationError(
                 f"{path}: is not a training journal; {OTHER_FOLDER}"
             )
+
         made_by = {"process": os.getpid(), "host": os.uname().nodename}
         header = {"schema": 1, "settings": asked, **made_by}
         write_file(path, "".join(map(_line, [header, *self.lines])), OTHER_FOLDER)

@@ -121,7 +121,13 @@ def validate(settings: TrainingSettings, weights: Array) -> float:
     rollout = replace(settings.rollout, substeps=3)
     rng = np.random.default_rng([settings.seed, 2])
     strips = grid(VALIDATION)
-    folds = fold_all(JUDGING_SEGMENTS, np.atleast_2d(weights), strips, rollout, rng)
+    folds = fold_all(
+        segments=JUDGING_SEGMENTS,
+        candidates=np.atleast_2d(weights),
+        strips=strips,
+        rollout=rollout,
+        rng=rng,
+    )
     return float(np.sqrt(np.mean(misses(folds, strips[0].length) ** 2)))
 
 

@@ -123,7 +123,9 @@ class FeedbackTraining:
         if self._is_validated(number):
             [(_, validated)] = calls(validate, [(self.settings, self._optimiser.mean)])
             self._last_validation = f"  validated {1e3 * validated:.1f} mm rms"
-        best, mean = float(scores.miss.min()), float(scores.miss.mean())
+
+        best = float(scores.miss.min())
+        mean = float(scores.miss.mean())
         seconds = round(time.monotonic() - start, 3)
         self._journal.append(
             {
@@ -138,6 +140,7 @@ class FeedbackTraining:
         )
         if validated is not None and self._keep_best(validated):
             self._save_checkpoint()
+
         return (
             f"generation {number + 1} of {self.total}  |d| best {1e3 * best:.1f} "
             f"mean {1e3 * mean:.1f} mm{self._last_validation}"
@@ -174,7 +177,10 @@ class FeedbackTraining:
     def _tell(self, candidates: Array, costs: Array) -> None:
         with self._blas.limit(limits=1, user_api="blas"):
             self._optimiser.tell(
-                [(x, float(c)) for x, c in zip(candidates, costs, strict=True)]
+                [
+                    (candidate, float(c))
+                    for candidate, c in zip(candidates, costs, strict=True)
+                ]
             )
 
     def _keep_best(self, validated: float) -> bool:

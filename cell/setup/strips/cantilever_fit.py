@@ -215,7 +215,8 @@ class _Samples:
         ...).
         """
         share = self._share.reshape(-1, *[1] * (nodes.ndim - 1))
-        before, after = nodes[self._index], nodes[self._index + 1]
+        before = nodes[self._index]
+        after = nodes[self._index + 1]
         values: Array = (1 - share) * before + share * after
         return values
 
@@ -294,7 +295,8 @@ class Fit:
         """Rest curvature (hinges,) [1/m] of the fitted strip; positive turns its free
         end up.
         """
-        width, overhang = self.photograph.width, self.photograph.overhang
+        width = self.photograph.width
+        overhang = self.photograph.overhang
         fields = self.prior.fields(overhang, width)
         curvature: Array = fields @ self.values[FIRST_FIELD:]
         return curvature

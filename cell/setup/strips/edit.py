@@ -44,6 +44,7 @@ def new_strip(
     for key in source_of:
         if stated.get(key) is None:
             raise ConfigurationError(f"--source: {key}: give its value too")
+
     content: dict[str, Any] = {"schema": 1, "name": path.stem}
     content |= {
         key: ASSUMED_VALUES[key] if value is None else value
@@ -51,6 +52,7 @@ def new_strip(
     }
     if colour is not None:
         content["colour"] = list(colour)
+
     content["provenance"] = [
         {
             "key": key,
@@ -140,6 +142,7 @@ def _with_measured(
             old["note"] = f"until then {content[key]:g}; {old.get('note', '')}".strip(
                 "; "
             )
+
     content = {**content, key: value, "provenance": [dict(entry), *entries]}
     parse(content, StripFile, str(path))
     return edit_yaml(text, content)

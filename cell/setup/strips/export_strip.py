@@ -75,6 +75,7 @@ def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
     Xml.SubElement(root, "option", integrator="implicit")
     body = Xml.SubElement(root, "worldbody")
     tendons = Xml.SubElement(root, "tendon")
+
     place = 0.0
     for i, span in enumerate(lumps.spans.tolist()):
         body = Xml.SubElement(body, "body", name=f"link{i}", pos=f"{place} 0 0")
@@ -86,6 +87,7 @@ def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
         box["mass"] = f"{lumps.mass[i] / lumps.scale}"
         Xml.SubElement(body, "geom", box, pos=f"{span / 2} 0 0", contype="0")
         place = span
+
     Xml.SubElement(body, "site", name="grasped_edge", pos=f"{place} 0 0")
     Xml.indent(root)
     return Xml.tostring(root, encoding="unicode")

@@ -33,6 +33,7 @@ def fit_figure(fitted: Fit, straight: Fit) -> bytes:
             upper, lower = right.subplots(2, 1, sharex=True)
             _draw_residuals(upper, fitted, straight)
             _draw_rest_curvature(lower, fitted)
+
         figure.suptitle(_title(fitted, straight), fontsize=9.5)
         return as_png(figure, DPI)
 
@@ -74,6 +75,7 @@ def _draw_photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
             ls="--",
             label="born straight",
         )
+
     axes.plot(*fitted.curve().T, color=FITTED_COLOUR, lw=0.9, label="fit")
     axes.grid(visible=False)
     axes.set(xticks=(), yticks=(), xlim=(-0.06 * image.shape[0], image.shape[1]))

@@ -64,7 +64,9 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
     agreement = 1.0
     freedom = len(y) - 1
     if freedom:
-        agreement = float(chi2.sf(_excess_squares(y, variance, 0.0) + freedom, freedom))
+        agreement = float(
+            chi2.sf(_excess_squares(y, variance, scatter=0.0) + freedom, freedom)
+        )
         knapp_variance = (weight * (y - value) ** 2).sum() / (freedom * weight.sum())
         half = max(half, float(t.ppf(quantile, freedom) * np.sqrt(knapp_variance)))
     ends = value - half, value + half
@@ -86,7 +88,7 @@ def _scatter(y: Array, variance: Array) -> float:
     """Variance between measurements at which the sum of squares is as expected
     (Paule-Mandel).
     """
-    if len(y) < 2 or _excess_squares(y, variance, 0.0) <= 0:
+    if len(y) < 2 or _excess_squares(y, variance, scatter=0.0) <= 0:
         return 0.0
     largest = float(np.ptp(y) ** 2) * len(y)  # at which the sum is less than expected
     return float(
@@ -132,6 +134,7 @@ def _measure_bending(photographs: Sequence[Photograph]) -> Bending:
         curved = _best_fits(photographs, straight, kind)
         if evidence(curved) > evidence(fits) + DECISIVE:
             fits = curved
+
     overhang_of = attrgetter("photograph.overhang")
     groups = groupby(sorted(fits, key=overhang_of), key=overhang_of)
     return Bending(
@@ -170,10 +173,12 @@ def _best_fits(
     for spread in REST_CURVATURES:
         start = _fit_all(photographs, RestCurvaturePrior(kind, spread), start)
         candidates.append(start)
+
     scores = np.array([evidence(fits) for fits in candidates])
     j = int(np.argmax(scores))
     if j in (0, len(REST_CURVATURES) - 1):
         return candidates[j]
+
     # top of the parabola through three scores; the spreads that were tried double each
     # time
     second_difference = scores[j - 1] - 2 * scores[j] + scores[j + 1]
@@ -331,18 +336,22 @@ def _curvature_warning(bending: Bending) -> str:
     misfit = max(fit.rms / fit.photograph.width for fit in bending.straight)
     if bending.prior.kind is RestCurvature.STRAIGHT or misfit < VISIBLE:
         return ""
+
     lengths = 1e3 * np.array([fit.bending_length for fit in bending.straight])
     seeming = f"{lengths.min():.1f}"
     if len(lengths) > 1:
         seeming += f" to {lengths.max():.1f}"
+
     furthest = 1e3 * max(np.abs(fit.misses).max() for fit in bending.straight)
-    curl, spread = bending.curl, bending.prior.spread
+    curl = bending.curl
+    spread = bending.prior.spread
     shape = f"it has a set of its own, of about {spread:.0f} 1/m, along it"
     if bending.prior.kind is RestCurvature.CURLED:
         shape = (
             f"unloaded it curls by {curl.value:+.1f} 1/m ({curl.low:+.1f} to"
             f" {curl.high:+.1f})"
         )
+
     return (
         f"pre_curl: this is not the shape of a strip that was born straight: {shape}."
         " The bending length allows for it; a straight-born strip would miss the"
@@ -380,6 +389,7 @@ def _overhang_warning(bending: Bending) -> str:
             sharp.append(photograph.name)
         if photograph.overhang < length and fit.sigma > LARGEST_UNCERTAINTY / 2:
             stiff.append(photograph.name)
+
     low, high = (1e3 * length * lengths for lengths in OVERHANGS)
     best = f"an overhang of {low:.0f} to {high:.0f} mm shows most"
     if sharp:
@@ -389,6 +399,7 @@ def _overhang_warning(bending: Bending) -> str:
         )
     if stiff:
         return f"{', '.join(stiff)}: hardly bends; {best}"
+
     return ""
 
 

@@ -70,7 +70,10 @@ def extract_midline(image: Image, count: int = 200) -> Midline:
     rough = _level_centres(mask, _geodesic_distance(mask), 0.5 * width)
     if len(rough) < FEWEST_LEVELS:
         raise ConfigurationError("picture: what enters at its left border is no strip")
-    fine = _centre(_brightness(small), even_points(_smooth(rough, 2), count), width)
+
+    fine = _centre(
+        _brightness(small), even_points(_smooth(rough, reach=2), count), width
+    )
     midline = _to_ends(mask, fine, width)
     return Midline((even_points(midline, count) + 0.5) * scale - 0.5, width * scale)
 
@@ -124,7 +127,8 @@ def _geodesic_distance(mask: Mask) -> Array:
     index[1:-1, 1:-1][mask] = np.arange(count)
     v, u = np.nonzero(index >= 0)
 
-    ends, lengths = [], []
+    ends = []
+    lengths = []
     # half of a pixel's eight neighbours: the graph has no direction
     for dv, du in ((0, 1), (1, 0), (1, 1), (-1, 1)):
         neighbour = index[v + dv, u + du]
@@ -162,7 +166,7 @@ def _centre(grey: Image, points: Array, width: float) -> Array:
     """Shift points (n, 2) along their normals to the centroid of brightness across the
     object.
     """
-    normal = left_normals(unit(np.gradient(_smooth(points, 3), axis=0)))
+    normal = left_normals(unit(np.gradient(_smooth(points, reach=3), axis=0)))
 
     offsets = np.linspace(-width, width, 2 * int(2 * width) + 1)
     at = (points[:, None] + offsets[:, None] * normal[:, None]).astype(np.float32)
@@ -175,7 +179,7 @@ def _centre(grey: Image, points: Array, width: float) -> Array:
 
     centroid = (inside * offsets).sum(axis=1) / np.maximum(inside.sum(axis=1), 1e-9)
     shift = np.clip(centroid, -0.3 * width, 0.3 * width)
-    return _smooth(points + shift[:, None] * normal, 3)
+    return _smooth(points + shift[:, None] * normal, reach=3)
 
 
 def _to_ends(mask: Mask, points: Array, width: float) -> Array:

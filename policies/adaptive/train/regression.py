@@ -115,12 +115,15 @@ def _fit(
     if start is None:
         mean, whiten = _whitening(shard)
     else:
-        mean, whiten = start.weights["mean"], start.weights["whiten"]
+        mean = start.weights["mean"]
+        whiten = start.weights["whiten"]
+
     network = Network(len(mean), settings.memory, settings.hidden)
     if start is not None:
         network.load_state_dict(
             {n: torch.tensor(start.weights[n]) for n in network.state_dict()}
         )
+
     data = _tensors(shard, mean, whiten)
     _optimise(network, data, torch.tensor(whiten, dtype=torch.float32), epochs)
     arrays = {
@@ -144,6 +147,7 @@ def _optimise(
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(
         optimiser, epochs * batches, LAST_RATE
     )
+
     for _ in range(epochs):
         order = torch.randperm(folds)[: batches * BATCH]
         for batch in torch.split(order, BATCH):
@@ -207,7 +211,7 @@ def _loss(network: Network, batch: list[Tensor]) -> Tensor:
     )
     strip_log_sigma = out[..., STRIP_LOG_SIGMAS].clamp(*LOG_SIGMA_RANGE)
     strip_loss = _gaussian_loss(
-        strip[:, None] - out[..., STRIP_MEANS], strip_log_sigma, 0.0
+        strip[:, None] - out[..., STRIP_MEANS], strip_log_sigma, power=0.0
     )
     return _mean(fold_loss, predicted) + BELIEF * _mean(strip_loss.sum(dim=-1), alive)
 

@@ -88,6 +88,7 @@ class Explorer(Adaptive):
         self.switch = rng.integers(0, self._latest, count)
         if not self._switches:
             self.switch = np.full(count, NEVER)
+
         # NaN until it is drawn at the switch
         self._rise_after: Array = np.full(count, np.nan)
         if self._random_rises:
@@ -119,10 +120,12 @@ class Explorer(Adaptive):
             noise = self._rng.normal(size=len(time)) * self._perturbation
             perturbed = np.clip(before + noise, 0.0, self._steering.highest)
             self._rise_after = np.where(just_switched, perturbed, self._rise_after)
+
         rise = np.where(switched, self._rise_after, before)
         if self._count % INPUT_STRIDE == 0:
             self.rises.append(rise)
             self.times.append(time)
+
         self._count += 1  # decisions: each predicts once and then smooths the rise once
         return rise
 
@@ -202,7 +205,10 @@ def simulate(
             batches[needs_terms(describe(strip))].append(strip)
         filled = filter(None, batches.values())
         return concatenate(
-            [_fold_strips(settings, batch, turn, critic, rng) for batch in filled]
+            [
+                _fold_strips(settings, strips=batch, turn=turn, critic=critic, rng=rng)
+                for batch in filled
+            ]
         )
 
 

@@ -95,6 +95,7 @@ class CriticTraining:
         path = self._critic_path(turn)
         if path.exists():
             return load_critic(path)
+
         stored = [(t, n) for t in range(turn + 1) for n in range(settings.pieces[t])]
         data = concatenate([self._load(t, n) for t, n in stored])
         epochs = settings.epochs[turn]
