@@ -23,7 +23,8 @@ from drivers.base.errors import ConfigurationError
 
 
 def identity(requests: Sequence[Request]) -> dict[str, str]:
-    """Digests of what the folds of a series must share with those that it began with.
+    """Digests of strip, cell, simulated plant and plan, in which a resumed series must
+    equal the one that was begun.
 
     The plan has policies, speeds, seeds, weights and the number of folds.
     """

@@ -269,8 +269,8 @@ def _new_request(limits: MotionLimits, synchronization: ruckig.Synchronization) 
 
 
 def _limit(request: Any, limits: MotionLimits, change: Numbers) -> None:
-    """Set the limits of a ruckig `request`, in proportion to a `change` (3,) of pose or
-    velocity.
+    """Set the limits of a ruckig `request`, lowered in proportion to each axis' share
+    of the `change` (3,) of pose or velocity.
 
     Ruckig leaves the straight line where one axis alone would allow a shorter profile.
     """

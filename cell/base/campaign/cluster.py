@@ -229,7 +229,8 @@ def _store_record(
 def remote(
     part: Part, folder: str, expected: Mapping[str, str], limit: float | None
 ) -> str:
-    """Measure `part` on a worker, in a process beside it; returns the record as JSON.
+    """Measure the campaign's `part` on a cluster's worker, in a process of its own
+    there; returns the record as JSON.
 
     Raises ConfigurationError where this worker has other versions than the client.
     """

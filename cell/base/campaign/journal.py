@@ -22,8 +22,8 @@ State = Literal["measured", "failed", "set_aside"]
 
 
 class Cost(BaseModel):
-    """Time of one part [s]: `wall`, and `processor` with that of its child
-    processes.
+    """Time [s] that one part of a campaign took: `wall`, and `processor` with that of
+    its child processes.
     """
 
     model_config = ConfigDict(frozen=True)

@@ -358,8 +358,8 @@ def _on_clock(times: Guess, gripper: Guesses) -> Guess:
 
 
 def _guess_seen(columns: Guesses, gripper: Guesses, names: Sequence[str]) -> Guesses:
-    """Guesses of the columns `names` of contacts or of a touch, with the gripper's
-    clock and zero.
+    """Guesses of which table columns hold the desk contact or layer touch, the `names`,
+    by the gripper's clock and zero point.
 
     Their lengths are part of the gripper's way.
     """

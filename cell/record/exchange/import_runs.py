@@ -471,7 +471,8 @@ def _profile(
 def _result(
     source: Source, how: MappingFile, begin: float, t: Array
 ) -> dict[str, object]:
-    """Content of result.yaml: the layers' touch, if any, at its time from `begin` [s].
+    """Content of result.yaml for an imported run: its outcome and the layers' touch, if
+    any, with times counted from `begin` [s].
 
     Raises ConfigurationError for a missing file, where another's name is close to its
     name.

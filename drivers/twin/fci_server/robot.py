@@ -165,7 +165,9 @@ class EmulatedRobot:
 
     @property
     def measured(self) -> Posture:
-        """Posture of the arm itself, which may lag its setpoint."""
+        """Posture of the emulated arm as it is, which may lag behind its
+        commanded one.
+        """
         return self.posture if self.trailing is None else self.trailing.posture
 
     def move(self, request: MoveRequest, command_id: int) -> MoveStatus:

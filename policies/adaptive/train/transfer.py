@@ -77,8 +77,8 @@ def fit_transfer(batch: FoldedBatch) -> tuple[CriticBias, FitQuality]:
 
 
 def _cross_validated_errors(batch: FoldedBatch) -> Array:
-    """Errors (n,) [m] of the bias at each fold, fitted to the folds outside its
-    tenth.
+    """Errors (n,) [m] of the displacements predicted for n folds, each corrected by a
+    bias fitted to folds of other tenths.
     """
     count = len(batch.displacement)
     errors = np.empty(count)

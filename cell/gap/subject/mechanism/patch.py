@@ -192,7 +192,9 @@ def _place_in_frame(mechanism: Mechanism, edited: Any, i: int) -> str:
 
 
 def _write_joints(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
-    """Write changed damping, armature, stiffness, friction and rest positions."""
+    """Write changed damping, armature, stiffness, friction and rest positions of joints
+    into the model's XML below `root`.
+    """
     radian = any(c.get("angle") == "radian" for c in root.findall("compiler"))
     elements = {e.get("name"): e for e in root.iter("joint") if e.get("name")}
     for i, joint in enumerate(mechanism.joints):

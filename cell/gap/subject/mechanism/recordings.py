@@ -348,7 +348,9 @@ def cut_recording(recording: Recording, columns: Sequence[str], least: float) ->
 
 
 def _thinned(rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """At most PER_BLOCK of `rows`, evenly apart."""
+    """At most PER_BLOCK of the row numbers `rows`, evenly spaced from the first to the
+    last.
+    """
     count = min(len(rows), PER_BLOCK)
     chosen = np.linspace(0, len(rows) - 1, count).round().astype(np.int64)
     thinned: NDArray[np.int64] = rows[chosen]
