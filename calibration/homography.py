@@ -190,7 +190,7 @@ def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:
     disagree.
     """
     shares = np.array([(u, v) for u in (0.1, 0.5, 0.9) for v in (0.1, 0.5, 0.9)])
-    pixels = shares * (lens.width, lens.height)
+    pixels = shares * lens.size
     plane = homography.to_plane(pixels)
     world = np.column_stack([plane[:, 0], np.zeros(len(plane)), plane[:, 1]])
     solved, rotation, translation = cv2.solvePnP(world, pixels, lens.matrix, None)

@@ -58,6 +58,11 @@ class Lens:
         width, height = size
         return cls(width, height, frozen(matrix), frozen(coefficients))
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px] of its images."""
+        return self.width, self.height
+
     def fits(self, image: Image) -> bool:
         """Whether `image` (h, w, 3) has the size for which the lens is valid."""
         return image.shape[:2] == (self.height, self.width)
@@ -161,7 +166,7 @@ def _checked_lens(lens: Lens, origin: str) -> Lens:
     Focal lengths must be finite and of the order of the image, its centre near the
     image, the distortion finite and bounded.
     """
-    sides = np.array([lens.width, lens.height], dtype=np.float64)
+    sides = np.array(lens.size)
     focal = np.diag(lens.matrix)[:2]
     centre = lens.matrix[:2, 2]
     low, high = np.multiply(FOCAL, sides.max())

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from drivers.base.geometry import unit
 from drivers.base.types import Array
 from drivers.strip.file import StripFile
 from policies.path import Path
@@ -78,9 +79,7 @@ def tangents(path: Path, travel: Array) -> Array:
     """
     before = np.searchsorted(path.travel, travel, side="right") - 1
     segment = np.clip(before, 0, len(path.travel) - 2)
-    steps = np.diff(path.points, axis=0)[segment]
-    units: Array = steps / np.linalg.norm(steps, axis=-1, keepdims=True)
-    return units
+    return unit(np.diff(path.points, axis=0)[segment])
 
 
 class PathPolicy:

@@ -193,7 +193,7 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
     """Placement in `view` of a board with outer corners `outline` (4, 2) [m],
     clockwise.
     """
-    corners = project_outline(view, outline) / (lens.width, lens.height)
+    corners = project_outline(view, outline) / lens.size
     x, y = corners.T
     # shoelace formula
     area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
@@ -279,7 +279,7 @@ def _cell_share(views: Sequence[BoardView], lens: Lens) -> float:
     """
     if not views:
         return 0.0
-    points = np.vstack([view.image for view in views]) / (lens.width, lens.height)
+    points = np.vstack([view.image for view in views]) / lens.size
     columns, rows = COVERAGE_CELLS
     cells = (np.clip(points, 0.0, BELOW_ONE) * COVERAGE_CELLS).astype(int)
     reached = np.unique(cells @ (1, columns))  # numbers of the cells, row by row

@@ -213,7 +213,7 @@ def _differences_of_halves(
     """Differences of the lenses of even and odd `views`: relative focal length, image
     [mm].
     """
-    size = lens.width, lens.height
+    size = lens.size
     one = fit_views(views[::2], size).lens
     other = fit_views(views[1::2], size).lens
     focal = float(lens.matrix[0, 0])
@@ -234,7 +234,7 @@ def _lens_reasons(
     lens = fit.lens
     deviation = fit.focal_deviation / float(lens.matrix[0, 0])
     allowed = max(settings.split, SEEN_SIGMA * 2.0 * deviation)
-    off = np.abs(lens.matrix[:2, 2] / (lens.width, lens.height) - 0.5).max()
+    off = np.abs(lens.matrix[:2, 2] / lens.size - 0.5).max()
     return reasons(
         (
             fit.rms > settings.rms,

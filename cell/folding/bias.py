@@ -222,8 +222,6 @@ def _averaged_parts(
     If nothing is off, cell and strip have no bias, a specimen has a USUAL one, and the
     camera adds an error of its own to each specimen.
     """
-    from scipy.special import expit, logit
-
     y = np.array([e.displacement for e in experiences])
     strips = np.array([e.strip for e in experiences])
     pieces = _specimens(experiences)
@@ -236,7 +234,7 @@ def _averaged_parts(
     off = off + PRIORS["specimen"] ** 2 * same + noise
 
     usual = USUAL**2 * (pieces == f"{strip}/{specimen}") @ np.linalg.solve(null, y)
-    p_off = expit(_log_density(y, off) - _log_density(y, null) + logit(OFF))
+    p_off = _probability_off(y, null, off)
     cell_bias, strip_bias, specimen_bias = (float(p_off * part) for part in parts)
     return cell_bias, strip_bias, specimen_bias + float((1.0 - p_off) * usual)
 
@@ -253,8 +251,6 @@ def laid_offset(experiences: Sequence[Experience], rig: float) -> float:
     ]
     if not seen_edges:
         return 0.0
-    from scipy.special import expit, logit
-
     seen = np.array([e.edges for e in seen_edges], dtype=float) + rig
     pieces = _specimens(seen_edges)
     # covariances of the measured offsets: without and with a fault of the rig
@@ -263,9 +259,8 @@ def laid_offset(experiences: Sequence[Experience], rig: float) -> float:
     off = null + CHANGED**2
     weights = np.linalg.solve(null, np.ones(len(seen)))
     variance = 1.0 / (weights.sum() + CHANGED**-2)
-    mean = variance * float(weights @ seen)
-    p_off = expit(_log_density(seen, off) - _log_density(seen, null) + logit(OFF))
-    return float(mean * p_off)
+    mean: float = variance * float(weights @ seen)
+    return mean * _probability_off(seen, null, off)
 
 
 def check_ruler(edges: float, rig: float) -> None:
@@ -288,6 +283,16 @@ def check_ruler(edges: float, rig: float) -> None:
 def _specimens(experiences: Sequence[Experience]) -> Array:
     """Names (n,) of the specimens of n experiences, with their strip."""
     return np.array([f"{e.strip}/{e.specimen}" for e in experiences])
+
+
+def _probability_off(y: Array, null: Array, off: Array) -> float:
+    """Probability that y (n,) has the covariance `off` (n, n) rather than `null`, at
+    prior odds OFF.
+    """
+    from scipy.special import expit, logit
+
+    odds = _log_density(y, off) - _log_density(y, null) + logit(OFF)
+    return float(expit(odds))
 
 
 def _log_density(y: Array, covariance: Array) -> float:

@@ -12,7 +12,7 @@ from calibration.calibration import Calibration
 from cell.base.config.cell import CellFile
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome
-from cell.perception.length_checks import disagreements
+from cell.perception.length_checks import doubts
 from cell.setup.calibration_in_use import record_entry
 from drivers.base.files import write_file
 from drivers.base.readers import MEGABYTE, read_bytes
@@ -73,9 +73,9 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
         content["edge_offset"] = outcome.edge_offset
     if outcome.predicted is not None:
         content["foretold"] = asdict(outcome.predicted)
-    doubted = disagreements(outcome.witnesses)
+    reasons = doubts(outcome.witnesses)
     content["witnesses"] = [
-        check.facts() | ({"reason": check.sentence()} if check in doubted else {})
+        check.facts() | {"reason": reasons.get(check.name, "")}
         for check in outcome.witnesses
     ]
     agreement = outcome.agreement

@@ -93,8 +93,7 @@ class Feasibility:
         folds = self.folds
         if folds is None or not folds.touched.all():
             return None
-        corners = folds.displacement[1:]
-        spread = float(np.std(corners)) if len(corners) else 0.0
+        spread = float(np.std(folds.displacement[1:]))
         repeats = self.request.settings.sigma.displacement
         return float(folds.displacement[0]), hypot(spread, repeats)
 
@@ -205,7 +204,7 @@ def _nearest_length(refused: Feasibility) -> Iterator[str]:
         length = step * LENGTH_STEP
         strip = request.strip.model_copy(update={"length": length})
         share = length / request.strip.length
-        at = None if request.at is None else request.at * share
+        at = request.at and request.at * share
         cut = replace(request, strip=strip, at=at)
         return bool(_foresee(cut, refused.seen_by).problems)
 
@@ -234,10 +233,9 @@ def path_problems(
     speed = settings.fold.speed
     over = (
         f"speed: the path at {speed:g} m/s is over the arm's limits of velocity,"
-        " acceleration "
+        " acceleration or jerk"
     )
 
-    over += "or jerk"
     try:
         # another speed gives another path
         while speed > (fits := largest_speed(carry, limits)):
@@ -397,9 +395,7 @@ def _view_problems(
     over_strip = path[(path[:, 0] >= 0) & (path[:, 0] <= strip.length)]
     for what, points in (("the strip", lying), ("the gripper", over_strip)):
         pixels = calibration.to_image(points)
-        seen = (pixels >= 0).all(axis=1) & (pixels <= (lens.width, lens.height)).all(
-            axis=1
-        )
+        seen = (pixels >= 0).all(axis=1) & (pixels <= lens.size).all(axis=1)
         if not seen.all():
             x, z = points[int(np.argmin(seen))]
             yield (

@@ -42,7 +42,7 @@ from cell.perception.image_reader import (
     Reader,
     StripInputs,
 )
-from cell.perception.length_checks import disagreements
+from cell.perception.length_checks import doubts
 from cell.record.documents import json_line
 from cell.record.events import NOT_LEARNED
 from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS
@@ -322,7 +322,7 @@ def _warning(outcome: Outcome, *others: str) -> str | None:
     without any.
     """
     agreement = outcome.agreement
-    lines = [check.sentence() for check in disagreements(outcome.witnesses)]
+    lines = list(dict.fromkeys(doubts(outcome.witnesses).values()))
     if agreement is not None and not agreement.like_model:
         lines.append(agreement.sentence())
     return "\n  ".join(filter(None, (*lines, *others))) or None

@@ -27,7 +27,7 @@ class FoldTrace:
     def __init__(self, strip: StripFile) -> None:
         """Trace a fold of `strip`, which is described as the controller sees it."""
         self._strip = strip
-        self._path: list[tuple[float, float, float, float]] = []
+        self._path: list[tuple[float, ...]] = []
         self._stamps: list[float] = []
         self._profiles: list[np.ndarray] = []
 
@@ -37,7 +37,7 @@ class FoldTrace:
             return
         pose = snapshot.arm.pose
         seen = snapshot.view.measurement
-        self._path.append((snapshot.arm.stamp, pose.x, pose.z, pose.pitch))
+        self._path.append((snapshot.arm.stamp, *pose.as_array()))
         if snapshot.state is State.FOLD and snapshot.view.read and seen is not None:
             self._stamps.append(seen.stamp)
             self._profiles.append(

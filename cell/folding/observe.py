@@ -142,10 +142,8 @@ def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Fram
             )
 
         image = frame.image
-        if (width, height) != (lens.width, lens.height):
-            image = cv2.resize(
-                image, (lens.width, lens.height), interpolation=cv2.INTER_AREA
-            )
+        if (width, height) != lens.size:
+            image = cv2.resize(image, lens.size, interpolation=cv2.INTER_AREA)
 
         stamp = frame.stamp - begin
         yield Frame(
@@ -232,8 +230,8 @@ def _draw_measurement(
     curve = strip.profile if _is_confident(held) else np.empty((0, 2))
     drawn = draw_sight(image, calibration, curve, strip.contact_x, np.array(strip.tip))
     if end is not None:
-        pixel = calibration.to_image(np.array([[end.x, end.z]]))[0]
-        centre = (round(float(pixel[0])), round(float(pixel[1])))
+        pixels = calibration.to_image(np.array([[end.x, end.z]]))
+        centre = np.rint(pixels[0]).astype(int).tolist()
         cv2.drawMarker(drawn, centre, (0, 255, 255), cv2.MARKER_CROSS, 24, 3)
     return drawn
 
@@ -303,7 +301,7 @@ def _header(
         "start": "flat",
         "contact_height": CONTACT_HEIGHT,
         "seen_by": "cell",
-        "calibration": {"id": calibration.id, "error": 1e-3 * calibration.residual_mm},
+        "calibration": {"id": calibration.id, "error": calibration.residual},
     }
 
 
@@ -327,7 +325,7 @@ def _held_path(
     lying = Pose(strip.length, 0.0, 0.0)
     resting = [(stamp, lying) for stamp in sorted(lying_at) if stamp < lift]
 
-    rows = [(stamp, pose.x, pose.z, pose.pitch) for stamp, pose in [*resting, *ends]]
+    rows = [(stamp, *pose.as_array()) for stamp, pose in [*resting, *ends]]
     stamps, x, z, pitch = np.array(rows).T
     t = np.arange(stamps[0], stamps[-1], ROW_PERIOD)
     path = np.stack([x, z, np.unwrap(pitch)])

@@ -142,9 +142,9 @@ def _check_size(run: Run, frame: Frame, calibration: Calibration) -> None:
     """Raise ConfigurationError for a stored image of another size than the
     calibration.
     """
-    height, width, _ = frame.image.shape
     lens = calibration.lens
-    if (height, width) != (lens.height, lens.width):
+    if not lens.fits(frame.image):
+        height, width, _ = frame.image.shape
         raise ConfigurationError(
             f"{frame_file(run.folder, frame.sequence)}: is {width} x {height} pixels,"
             f" the calibration is for {lens.width} x {lens.height}; it was changed"

@@ -19,7 +19,7 @@ from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion
 from cell.perception.image_reader import Reader
-from cell.perception.length_checks import LengthCheck, disagreements
+from cell.perception.length_checks import REFUTED, LengthCheck, disagreements, doubts
 from cell.perception.strip_measurement import SeenTouch
 from drivers.base.types import Pose
 from drivers.franka.shapes import desk_end
@@ -109,9 +109,9 @@ class FoldLog(Log):
         """
         predicted = self.predicted
         if predicted is not None:
-            expected = (predicted.displacement, predicted.sigma)
-        blind = predicted is not None and predicted.blind
-        if expected is not None and not blind:
+            told = (predicted.displacement, predicted.sigma)
+            expected = None if predicted.blind else told
+        if expected is not None:
             displacement, sigma = expected
             difference = touch.displacement - displacement
             self.witnesses.append(LengthCheck("displacement", difference, sigma))
@@ -129,10 +129,10 @@ class FoldLog(Log):
                 " strip sprang open or is hidden; look at it, and lay it again",
                 1,
             )
-        refuted = next((w for w in disagreements(self.witnesses) if w.refuted), None)
-        if refuted is None:
-            return Outcome("layer_touch", "the layers touch", 0)
-        return Outcome(f"{refuted.name}_apart", refuted.sentence(), 1)
+        for worst in disagreements(self.witnesses, REFUTED):
+            reason = doubts(self.witnesses)[worst.name]
+            return Outcome(f"{worst.name}_apart", reason, 1)
+        return Outcome("layer_touch", "the layers touch", 0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,11 @@ from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import State, Trigger
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.laid_fold import LaidWeights, Loop, edge_offset, laid_length
-from cell.perception.length_checks import LengthCheck, compare_grip, held_end_offset
+from cell.perception.length_checks import (
+    LengthCheck,
+    compare_grip,
+    held_end_offset,
+)
 from cell.perception.perception import LENGTH_ERROR
 from cell.perception.preflight import UNWATCHED, PreflightCheck, check_camera
 from cell.perception.strip_measurement import StripMeasurement
@@ -165,8 +169,8 @@ class Swing:
     def add(self, snapshot: Snapshot, since: float) -> None:
         """Add the profile in `snapshot`, if new and imaged after `since` [s]."""
         kept = self._means
-        measurement = snapshot.view.measurement
-        if not snapshot.view.read or measurement is None or measurement.stamp < since:
+        measurement = _read_since(snapshot, since)
+        if measurement is None:
             return
         seen = image_profile(
             measurement.profile, measurement.contact_x, measurement.gripper
@@ -198,12 +202,8 @@ def fold(
     offsets: list[float] = []
     while True:
         snapshot = yield command
-        measurement = snapshot.view.measurement
-        if (
-            not snapshot.view.read
-            or measurement is None
-            or measurement.stamp < record.origin
-        ):
+        measurement = _read_since(snapshot, record.origin)
+        if measurement is None:
             continue
         offsets.append(held_end_offset(measurement))
         if snapshot.view.touch is not None:
@@ -219,6 +219,12 @@ def fold(
         if decision.done[0]:
             return Trigger.PATH_DONE
         command = steps.drive(decision, _upright(snapshot.arm.pose))
+
+
+def _read_since(snapshot: Snapshot, begin: float) -> StripMeasurement | None:
+    """Measurement that was read at `snapshot`, of an image not before `begin` [s]."""
+    seen = snapshot.view.measurement if snapshot.view.read else None
+    return None if seen is None or seen.stamp < begin else seen
 
 
 def _record_decision(

@@ -101,10 +101,9 @@ class FileRecorder(Recorder):
         """Record a measured image; images from before the lift are written once t = 0
         is known.
         """
-        if self._lift is None:
-            self._early.append(frame)
-        else:
-            self._writer.frame(_shift_times(frame, -self._lift))
+        self._early.append(frame)
+        if self._lift is not None:
+            self._flush_early()
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
         """Record an event at the clock time `clock` [s]."""
@@ -129,7 +128,7 @@ class FileRecorder(Recorder):
         self._writer.close()
 
     def _flush_early(self) -> None:
-        """Write the images from before the lift, once."""
+        """Write the images that are not written yet."""
         for frame in self._early:
             self._writer.frame(_shift_times(frame, -(self._lift or 0.0)))
         self._early = []

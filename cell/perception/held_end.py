@@ -20,6 +20,7 @@ from drivers.base.geometry import (
     arc_lengths,
     interpolate_columns,
     left_normals,
+    rotation,
     unit,
 )
 from drivers.base.types import Array, Frame, Image, Pose
@@ -129,10 +130,7 @@ class Clip:
         if face is None or not SMALLEST < face.area / self.face.area < LARGEST:
             return None
         pitch = face.axis - self.face.axis
-        cosine = np.cos(pitch)
-        sine = np.sin(pitch)
-        turn = np.array([(cosine, -sine), (sine, cosine)])
-        x, z = (face.front - turn @ self.face.front).tolist()
+        x, z = (face.front - rotation(pitch) @ self.face.front).tolist()
         return Pose(x, z, pitch)
 
 
@@ -143,8 +141,8 @@ def _face(
     `last` pose; None without one.
     """
     square = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)]) * WINDOW
-    corners = calibration.to_image(square + np.array([last.x, last.z]))
-    size = (calibration.lens.width, calibration.lens.height)
+    corners = calibration.to_image(np.add(square, (last.x, last.z)))
+    size = calibration.lens.size
     first = np.clip(corners.min(axis=0), 0, size).astype(int)
     right, bottom = np.clip(corners.max(axis=0), 0, size).astype(int)
     left, top = first
@@ -232,12 +230,10 @@ class HeldEnd:
         edge ends. It stays where it was in the face while the strip is seen edge on,
         and the clip before it.
         """
-        rough = replace(
-            face, x=face.x + self._to_mouth[0], z=face.z + self._to_mouth[1]
-        )
-        measurement = self._perception.measure(frame, rough)
-
         at_face = np.array([face.x, face.z])
+        x, z = (at_face + self._to_mouth).tolist()
+        measurement = self._perception.measure(frame, Pose(x, z, face.pitch))
+
         view = self._calibration.viewpoint
         normal = np.array([-np.sin(face.pitch), np.cos(face.pitch)])
         over = (view.foot() - at_face) @ normal

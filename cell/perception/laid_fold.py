@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from cell.perception.strip_measurement import StripMeasurement
-from drivers.base.geometry import lengths
+from drivers.base.geometry import arc_lengths
 from drivers.base.settings import StudyResult
 
 PROFILE_STRIDE = 8  # points of the profile, some 2 cm
@@ -64,7 +64,7 @@ def laid_length(measurement: StripMeasurement) -> float:
         return nan
     points = measurement.profile[::PROFILE_STRIDE]
     curve = np.vstack([(measurement.contact_x, 0.0), points, measurement.gripper])
-    return float(measurement.contact_x + lengths(np.diff(curve, axis=0)).sum())
+    return float(measurement.contact_x + arc_lengths(curve)[-1])
 
 
 def edge_offset(length: float, thickness: float, loop: Loop) -> float:

@@ -2,7 +2,7 @@
 independently.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot, nan
 
@@ -12,41 +12,49 @@ from cell.perception.strip_measurement import StripMeasurement
 from drivers.base.errors import in_mm
 from drivers.base.geometry import lengths
 
-DOUBTED, REFUTED = 4.0, 10.0  # spreads; 6e-5 of normal differences are larger than four
+DOUBTED, REFUTED = (
+    3.0,
+    10.0,
+)  # spreads; 0.3 % of normal differences are larger than three
 BY_HAND = 0.001  # m, assumed: how well a person lays an edge on a line
 BY_TOOL = 0.0005  # m, assumed: how well an arm knows the point that its fingers hold
 FEWEST_IMAGES = 10  # of the held end
 SEEN_END = 0.025  # m from the gripper where the profile of a held strip still ends
 LAST = 0.03  # m of the profile from which its hidden end is extrapolated
-KINDS = {
-    "free_edge": (
-        "camera and stated length",
-        (
-            "lay the edges on their lines; if they lie there, check the length,"
-            " calibrate the camera"
-        ),
-    ),
-    "grip": (
-        "camera and arm",
-        "calibrate the camera and its latency; check the tool's point in the arm",
-    ),
-    "displacement": (
-        "camera and prediction",
-        (
-            "something has changed since the strip was described or the cell"
-            " calibrated: check the calibration with `cell calibrate check`, then `cell"
-            " gap plan`"
-        ),
-    ),
-    "edges": (
-        "camera and arm",
-        (
-            "the strip slipped, stretched or sprang open, or the camera's map is off:"
-            " look at the strip; if it lies as it was laid, calibrate the camera"
-        ),
-    ),
+ALIKE = 4.0  # squared spreads by which a cause may fit worse than the best one
+SOURCES = {
+    "free_edge": "camera and stated length",
+    "grip": "camera and arm",
+    "displacement": "camera and prediction",
+    "edges": "camera and arm",
 }
-"""Who states each length, and what to look at where they disagree."""
+"""Who states each length."""
+CHANGED = (
+    "something has changed since the strip was described or the cell calibrated: lay a"
+    " spirit level along the strip, check the calibration with `cell calibrate check`,"
+    " then `cell gap plan`"
+)
+"""What to look at where a displacement is not as predicted."""
+
+
+LENGTHS = ("free_edge", "grip", "edges")
+CAUSES = {
+    "the camera's map is off by {:+.1f} mm in x: `cell calibrate homography`": (
+        1,
+        1,
+        -2,
+    ),
+    "the robot stands {:+.1f} mm off its place: `cell register`": (0, 1, -2),
+    "the strip is held {:+.1f} mm off the arm's tool point: look at the fingers, or"
+    " state effects.tcp_offset.x in cell.yaml": (0, 1, -1),
+    "the strip's free edge lies {:+.1f} mm off: lay the fixed edge at x = 0, or correct"
+    " the strip's length": (1, 0, 0),
+    "images lag by {:+.1f} mm of motion: `cell calibrate homography` measures the"
+    " camera's latency": (0, 1, 0),
+    "the laid edge is {:+.1f} mm off, as it slipped, stretched or sprang open: look at"
+    " the strip, and lay it again": (0, 0, 1),
+}
+"""What makes LENGTHS disagree, with its remedy, and by how many m each per m of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,20 +74,12 @@ class LengthCheck:
         """Size of the difference in units of its standard deviation `spread`."""
         return abs(self.difference) / self.spread
 
-    @property
-    def refuted(self) -> bool:
-        """Whether the two measured lengths differ so much that the measurement cannot
-        be trusted.
-        """
-        return self.ratio > REFUTED
-
     def sentence(self) -> str:
-        """Text for the operator: which lengths disagree, by how much, what to check."""
-        sources, remedy = KINDS[self.name]
+        """Text for the operator: which lengths disagree, and by how much."""
         return (
-            f"{self.name.replace('_', ' ')}: {sources} differ by"
+            f"{self.name.replace('_', ' ')}: {SOURCES[self.name]} differ by"
             f" {1e3 * self.difference:+.1f} mm, {self.ratio:.0f} times the usual"
-            f" {in_mm(self.spread, 1)}; {remedy}"
+            f" {in_mm(self.spread, 1)}"
         )
 
     def facts(self) -> dict[str, str | float]:
@@ -93,12 +93,51 @@ class LengthCheck:
         }
 
 
-def disagreements(witnesses: Iterable[LengthCheck]) -> tuple[LengthCheck, ...]:
-    """Checks whose lengths differ by more than DOUBTED standard deviations, the worst
+def disagreements(
+    witnesses: Sequence[LengthCheck], least: float = DOUBTED
+) -> tuple[LengthCheck, ...]:
+    """Checks whose lengths differ by more than `least` standard deviations, the worst
     first.
     """
-    doubted = (witness for witness in witnesses if witness.ratio > DOUBTED)
+    doubted = (witness for witness in witnesses if witness.ratio > least)
     return tuple(sorted(doubted, key=lambda witness: -witness.ratio))
+
+
+def doubts(witnesses: Sequence[LengthCheck]) -> dict[str, str]:
+    """Reasons to doubt lengths, by name: those of `disagreements`.
+
+    Lengths of the cell have one reason: the worst, and the causes that explain them
+    all.
+    """
+    doubted = disagreements(witnesses)
+    reasons = {check.name: f"{check.sentence()}; {CHANGED}" for check in doubted}
+    of_cell = [check for check in doubted if check.name in LENGTHS]
+    if of_cell:
+        reason = f"{of_cell[0].sentence()}; {_diagnosis(witnesses)}"
+        reasons |= dict.fromkeys((check.name for check in of_cell), reason)
+    return reasons
+
+
+def _diagnosis(witnesses: Sequence[LengthCheck]) -> str:
+    """Text of the causes, one at a time, that fit `witnesses` best or nearly so.
+
+    Each has the size a [m] of least squares, where a length differs by a times the
+    cause's share of it.
+    """
+    # of what was not measured, any difference is usual: 1 m
+    known = {check.name: (check.difference, check.spread) for check in witnesses}
+    differences, spreads = np.array([known.get(n, (0.0, 1.0)) for n in LENGTHS]).T
+    measured = differences / spreads
+    shares = np.array([*CAUSES.values()]) / spreads
+    sizes = shares @ measured / (shares**2).sum(axis=1)
+    misfits = ((measured - sizes[:, None] * shares) ** 2).sum(axis=1)
+
+    ranked = sorted(zip(misfits, CAUSES, 1e3 * sizes, strict=True))
+    return "; or ".join(
+        cause.format(size)
+        for misfit, cause, size in ranked
+        if misfit < misfits.min() + ALIKE
+    )
 
 
 def held_end_offset(seen: StripMeasurement) -> float:

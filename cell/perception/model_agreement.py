@@ -2,7 +2,7 @@
 images.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -227,11 +227,10 @@ def _prior(predicted: FoldPrediction) -> tuple[Array, Array]:
         predicted.retardation_time,
         predicted.yield_curvature,
     )
-    low = _unknowns(*(estimate.low for estimate in estimates))
-    high = _unknowns(*(estimate.high for estimate in estimates))
+    spans = zip(*map(astuple, estimates), strict=True)
+    value, low, high = (_unknowns(*each) for each in spans)
     # half of each predicted interval
-    sigma = np.maximum(0.5 * (high - low), SMALLEST_SIGMA)
-    return _unknowns(*(estimate.value for estimate in estimates)), sigma
+    return value, np.maximum(0.5 * (high - low), SMALLEST_SIGMA)
 
 
 def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:
@@ -254,13 +253,9 @@ def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:
     contact = motion.contact_x[with_shape, 0]
     curves = profiles(motion.shapes[:, 0], arcs, contact, path[with_shape, :2])
 
-    # linear between the shapes before and after each image
-    before = np.clip(np.searchsorted(times, fold.stamp) - 1, 0, len(times) - 2)
-    after = before + 1
-    fraction = (fold.stamp - times[before]) / (times[after] - times[before])
-    fraction = fraction[:, None, None]
-    seen = (1.0 - fraction) * curves[before] + fraction * curves[after]
-    return fold.bin_curves(seen)
+    columns = curves.reshape(len(times), -1)
+    seen = interpolate_columns(fold.stamp, times, columns)
+    return fold.bin_curves(seen.reshape(-1, POINTS, 2))
 
 
 def _design(curves: Array, spacing: float) -> Array:

@@ -45,8 +45,7 @@ class Sizes:
         is.
         """
         lens = calibration.lens
-        u = lens.width / 2
-        v = lens.height / 2
+        u, v = np.array(lens.size) / 2
         pixel, following = calibration.to_plane(np.array([(u, v), (u + 1, v)]))
         scale = float(lengths(following - pixel))
         return cls(
@@ -122,7 +121,7 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Regi
     outline += [(x_end, -BELOW), (x_end, z_end)]
     pixels = calibration.to_image(np.array(outline))
 
-    size = np.array([calibration.lens.width, calibration.lens.height])
+    size = np.array(calibration.lens.size)
     first = np.clip(pixels.min(axis=0), 0, size - 2)
     last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size)
 
@@ -143,14 +142,14 @@ def motion_mask(calibration: Calibration, length: float) -> Image:
     start, middle, end, top = (share * length for share in SWEPT)
     outline = [(start, LOW_HEIGHT), (end, LOW_HEIGHT), (end, HIGH_HEIGHT)]
     outline += [(middle, HIGH_HEIGHT), (middle, top), (start, top)]
-    return _fill(calibration, np.array(outline))
+    return _fill(calibration, outline)
 
 
 def still_surroundings(calibration: Calibration, length: float = 0.0) -> Image:
     """Mask (height, width), 255 on the desk and about it, below the waiting hand, where
     no strip of `length` [m] can lie or hang.
     """
-    mask = np.zeros((calibration.lens.height, calibration.lens.width), np.uint8)
+    mask = _blank(calibration)
     _, top = calibration.to_image(np.array([[length / 2, HIGH_HEIGHT]]))[0]
     mask[max(int(top), 0) :] = 255
     if length:
@@ -165,13 +164,18 @@ def strip_zone(calibration: Calibration, length: float, low: float = -BELOW) -> 
     left = STRIP_START
     right = length + BEYOND
     corners = [(left, low), (right, low), (right, length), (left, length)]
-    return _fill(calibration, np.array(corners))
+    return _fill(calibration, corners)
 
 
-def _fill(calibration: Calibration, corners: Array) -> Image:
+def _blank(calibration: Calibration) -> Image:
+    """Mask (height, width) of zeros."""
+    return np.zeros((calibration.lens.height, calibration.lens.width), np.uint8)
+
+
+def _fill(calibration: Calibration, corners: list[tuple[float, float]]) -> Image:
     """Mask (height, width), 255 within `corners` (n, 2) [m]."""
-    pixels = np.rint(calibration.homography.to_image(corners))
-    mask = np.zeros((calibration.lens.height, calibration.lens.width), dtype=np.uint8)
+    pixels = np.rint(calibration.homography.to_image(np.array(corners)))
+    mask = _blank(calibration)
     cv2.fillPoly(mask, [pixels.astype(np.int32)], 255)
     return mask
 

@@ -59,18 +59,16 @@ class SceneSamples:
 
 
 def sample_scene(
-    image: Image, calibration: Calibration, strip: StripFile
+    image: Image, calibration: Calibration, strip: StripFile, rise: float = 0.0
 ) -> SceneSamples:
-    """Sample pixels of `image` (h, w, 3) where strip, desk and backdrop are
-    expected.
+    """Sample pixels of `image` (h, w, 3) where strip, desk and backdrop are expected,
+    of a strip at a height `rise` [m].
     """
-    lower = max(strip.thickness - THIN, 0.0) / 2
+    lower = max(strip.thickness - THIN, 0.0) / 2 - rise
     front = (FRONT_HEIGHTS[0] - lower, FRONT_HEIGHTS[1] - lower)
-    face = face_height(calibration, strip)
+    top = rise + FACE * face_height(calibration, strip)
     return SceneSamples(
-        sample_rectangle(
-            image, calibration, _span(strip, margin=0.05), (0.0, FACE * face)
-        ),
+        sample_rectangle(image, calibration, _span(strip, margin=0.05), (rise, top)),
         sample_rectangle(image, calibration, _span(strip, margin=0.03), front),
         sample_rectangle(
             image, calibration, _span(strip, margin=0.0), BACKDROP_HEIGHTS
@@ -148,9 +146,11 @@ def strip_shares(
     return shares
 
 
-def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Underside:
+def underside(
+    levels: Image, calibration: Calibration, strip: StripFile, rise: float
+) -> Underside:
     """Locate the resting strip's underside in the smoothed matte `levels` (h, w) of an
-    image.
+    image; its free edge at a height `rise` [m].
     """
     x = np.arange(0.005, strip.length + PAST_END, 0.002)
     z = np.arange(-SEARCH, SEARCH, 0.0001)
@@ -162,19 +162,21 @@ def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Unde
     # where the share passes one half, linear between two samples
     rows = np.arange(len(x))
     before = across[rows, np.maximum(first - 1, 0)]
-    rise = np.maximum(across[rows, first] - before, 1e-6)
-    sample = first - 1 + (0.5 - before) / rise
+    change = np.maximum(across[rows, first] - before, 1e-6)
+    sample = first - 1 + (0.5 - before) / change
     low = z[0] + sample * (z[1] - z[0])
     height = np.where(found, low + strip.thickness / 2, nan)
-    return Underside(x, height, _free_edge(levels, calibration, strip))
+    return Underside(x, height, _free_edge(levels, calibration, strip, rise))
 
 
-def _free_edge(levels: Image, calibration: Calibration, strip: StripFile) -> float:
-    """Position x [m] of the strip's free edge along its near edge; NaN where none is
-    visible.
+def _free_edge(
+    levels: Image, calibration: Calibration, strip: StripFile, rise: float
+) -> float:
+    """Position x [m] of the strip's free edge along its near edge, `rise` [m] above
+    z = 0; NaN where none is visible.
     """
     x = np.arange(0.1, strip.length + PAST_END, 0.0003)
-    heights = np.array([0.0, 0.0005, 0.001])
+    heights = rise + np.array([0.0, 0.0005, 0.001])
     along = strip_share(
         sample_plane(levels, calibration, _grid(x, heights)).max(axis=1)
     )

@@ -222,7 +222,7 @@ def window_on(ticks: Ticks, calibration: Calibration) -> Region:
     """Region of the image around the gripper's motion, with the image's aspect
     ratio.
     """
-    whole = np.array([calibration.lens.width, calibration.lens.height])
+    whole = np.array(calibration.lens.size)
     right, top = (np.max(way, initial=0.0) for way in (ticks.x, ticks.z))
     ends = -VIEW_MARGIN, right + VIEW_MARGIN
     box = _box(calibration, ends, (-VIEW_MARGIN, top + VIEW_MARGIN))
@@ -281,7 +281,7 @@ def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
         return np.empty((0, 2), dtype=np.int32)
     pixels = calibration.to_image(near)
 
-    farthest = 4 * max(calibration.lens.width, calibration.lens.height)
+    farthest = 4 * max(calibration.lens.size)
     inside = (np.abs(pixels) < farthest).all(axis=1)
     return np.rint(EIGHTHS * pixels[inside]).astype(np.int32)
 

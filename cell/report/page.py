@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.perception.length_checks import KINDS
+from cell.perception.length_checks import SOURCES
 from cell.record import files
 from cell.record.columns import FARTHEST_HAND
 from cell.record.events import Outlook
@@ -249,7 +249,7 @@ def _measured_curves(
         for each in outlines
     ]
     curves = [(round(t, 3), np.rint(px).astype(int).ravel().tolist()) for t, px in read]
-    return {"size": (calibration.lens.width, calibration.lens.height), "curves": curves}
+    return {"size": calibration.lens.size, "curves": curves}
 
 
 def measures(run: Run) -> Rows:
@@ -279,10 +279,8 @@ def _result_rows(result: Result, noticed: float | None) -> Rows:
         rows.append(("confidence in the touch", in_percent(result.confidence)))
     for note in result.witnesses:
         apart = millimetres(note.difference, signed=True)
-        said = (
-            f"{KINDS.get(note.name, ('lengths',))[0]} differ:"
-            f" {note.name.replace('_', ' ')}"
-        )
+        sources = SOURCES.get(note.name, "lengths")
+        said = f"{sources} differ: {note.name.replace('_', ' ')}"
         rows.append((said, f"{apart} ± {millimetres(note.spread)}"))
     if result.duration is not None:
         rows.append(("duration", seconds(result.duration, 1)))

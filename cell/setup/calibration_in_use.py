@@ -172,7 +172,7 @@ def record_entry(calibration: Calibration, now: datetime) -> dict[str, Any]:
     """
     facts: dict[str, Any] = {
         "id": calibration.id,
-        "error": calibration.residual_mm / 1e3,
+        "error": calibration.residual,
         "latency": calibration.latency,
         "date": calibration.date,
         "age_days": round(age_days(calibration, now), 3),

@@ -130,7 +130,7 @@ class Wizard:
                 "homography",
                 folder,
                 points,
-                (lens.width, lens.height),
+                lens.size,
                 lens=CameraFile.from_lens(lens, self.devices.camera_identity),
                 touches=settings.touches,
                 latency=settings.latency,

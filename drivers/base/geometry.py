@@ -99,6 +99,11 @@ def unit(vectors: Array) -> Array:
     return directions
 
 
+def rotation(angle: float) -> Array:
+    """Rotation matrix (2, 2) that turns a plane by `angle` [rad]."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
 def moving_average(points: Array, window: int) -> Array:
     """Means (n - window + 1, 2) [m] of every `window` successive ones of `points` (n,
     2) [m].

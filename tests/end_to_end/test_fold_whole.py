@@ -23,7 +23,7 @@ from cell.base.devices.devices import Trial
 from cell.folding.batch import fold_all
 from cell.folding.replay import replay
 from cell.folding.request import RecordingOptions
-from cell.perception.length_checks import disagreements
+from cell.perception.length_checks import doubts
 from cell.record.files import CALIBRATION, EVENTS, RECORDING, REPORT, TRUTH
 from cell.report.overlay import SHOWN_OUTLINES, ShownImages, silhouettes
 from cell.report.page import report, write_report
@@ -221,11 +221,9 @@ def test_record_keeps_the_contract(denim: Folded) -> None:
 
 
 def test_camera_arm_and_prediction_agree(denim: Folded) -> None:
-    known = {each["name"]: each for each in denim.result.line()["witnesses"]}
-    assert list(known) == ["free_edge", "grip", "displacement", "edges"]
-    assert all(
-        abs(each["difference"]) < 3.0 * each["spread"] for each in known.values()
-    )
+    known = [each.name for each in denim.result.witnesses]
+    assert known == ["free_edge", "grip", "displacement", "edges"]
+    assert doubts(denim.result.witnesses) == {}
 
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -295,8 +293,7 @@ def test_rig_that_is_off_in_every_known_way_measures_like_one_that_is_not(
 def test_hidden_effect_shows(name: str, denim: Folded, tmp_path: Path) -> None:
     folded = affected({name: RIG[name]}, tmp_path, accepted=False)
     if name == "homography_shift":
-        told = {each.name for each in disagreements(folded.result.witnesses)}
-        assert told >= {"grip", "edges"}  # hanging and laid
+        assert "map is off" in folded.result.warning
     off = (
         np.abs(contact_errors(folded)).mean()
         > np.abs(contact_errors(denim)).mean() + 1e-3

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from cell.setup.strips.cantilever_fit import rotation
-from drivers.base.geometry import arc_lengths, interpolate_columns
+from drivers.base.geometry import arc_lengths, interpolate_columns, rotation
 from drivers.base.types import Array, Image
 from drivers.strip.cantilever import HangingStrip, hanging_shape, hinges
 

@@ -94,11 +94,9 @@ def blueprint(
     )
 
 
-def curves(origin: str, name: str, *, axis: Any = None, left: bool = False) -> Any:
-    """View of the curves under `origin`, with its legend in the right corner or the
-    `left`.
-    """
-    corner = rrb.Corner2D.LeftTop if left else rrb.Corner2D.RightTop
+def curves(origin: str, name: str, *, axis: Any = None) -> Any:
+    """View of the curves under `origin`, with its legend in the right corner."""
+    corner = rrb.Corner2D.RightTop
     return rrb.TimeSeriesView(
         origin=origin, name=name, plot_legend=rrb.PlotLegend(corner=corner), axis_x=axis
     )

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from calibration.calibration import Calibration
-from drivers.base.geometry import EDGE_AHEAD, CellInRobot, arc_lengths
+from drivers.base.geometry import EDGE_AHEAD, CellInRobot, even_points
 from drivers.base.installation import Installation
 from drivers.base.types import Array
 from drivers.franka.collision import CAPSULES, link_frames
@@ -96,7 +96,7 @@ def camera(calibration: Calibration, scale: float) -> Mapping[str, Any]:
     left, _, right = np.linalg.svd(axes)
     pinhole = rr.Pinhole(
         image_from_camera=np.diag([scale, scale, 1.0]) @ lens.matrix,
-        resolution=[scale * lens.width, scale * lens.height],
+        resolution=[scale * side for side in lens.size],
         image_plane_distance=view.distance + BACKDROP,
         color=0x464C54FF,
         line_width=-0.7,
@@ -158,10 +158,7 @@ def from_fixed_edge(profile: Array) -> Array:
     """Midline (NODES, 2) [m] of a strip that lies flat up to its lifted `profile`
     (n, 2).
     """
-    points = np.vstack([np.zeros((1, 2)), profile])
-    along = arc_lengths(points)
-    even = np.linspace(0.0, along[-1], NODES)
-    return np.column_stack([np.interp(even, along, column) for column in points.T])
+    return even_points(np.vstack([np.zeros((1, 2)), profile]), NODES)
 
 
 def strip_look(rgb: Sequence[int]) -> Any:

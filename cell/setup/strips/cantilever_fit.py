@@ -12,7 +12,12 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cell.setup.strips.photograph import Photograph
-from drivers.base.geometry import interpolate_columns, left_normals, unit
+from drivers.base.geometry import (
+    interpolate_columns,
+    left_normals,
+    rotation,
+    unit,
+)
 from drivers.base.types import Array
 from drivers.strip.cantilever import HangingStrip, NoRest, hanging_shape, hinges
 
@@ -236,11 +241,6 @@ def _local_frames(photograph: Photograph) -> Array:
     normals = left_normals(tangents) / photograph.sigma[:, None]
     slip = TIP * photograph.width * np.sqrt(len(tangents))
     return np.stack([normals, tangents / slip])
-
-
-def rotation(angle: float) -> Array:
-    """Rotation matrix (2, 2) that turns a plane by `angle` [rad]."""
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 STRAIGHT = RestCurvaturePrior(RestCurvature.STRAIGHT)

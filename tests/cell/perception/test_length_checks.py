@@ -12,10 +12,12 @@ from cell.folding.documents import result_content
 from cell.folding.fold import _warning
 from cell.perception.length_checks import (
     DOUBTED,
+    LENGTHS,
     REFUTED,
     LengthCheck,
     compare_grip,
     disagreements,
+    doubts,
     held_end_offset,
 )
 from cell.record.header import Result
@@ -33,7 +35,7 @@ def test_what_differs_by_more_than_its_spread_allows_is_doubted_then_refuted() -
     sizes = [0.0, DOUBTED - 0.1, DOUBTED + 0.1, REFUTED - 0.1, REFUTED + 0.1]
     witnesses = [off_by(size) for size in sizes]
     assert disagreements(witnesses) == tuple(reversed(witnesses[2:]))
-    assert [witness.refuted for witness in witnesses] == [False] * 4 + [True]
+    assert disagreements(witnesses, REFUTED) == (witnesses[4],)
 
 
 def test_held_end_is_one_witness_by_the_images_that_show_it_close_to_the_gripper():
@@ -72,3 +74,19 @@ def test_a_disagreement_stands_on_the_terminal_in_json_in_the_record_and_on_the_
         sentence.startswith(said[0].upper() + said[1:]) for sentence in sentences
     )
     assert not any("grip" in sentence.lower() for sentence in sentences)
+
+
+@pytest.mark.parametrize(
+    ("cause", "shares"),
+    [
+        ("map is off by +9.0 mm", (1, 1, -2)),
+        ("strip is held +9.0 mm", (0, 1, -1)),
+        ("free edge lies +9.0 mm", (1, 0, 0)),
+    ],
+)
+def test_lengths_together_name_what_is_off_and_by_how_much(cause, shares) -> None:
+    off = [
+        LengthCheck(n, 0.009 * a, 0.001) for n, a in zip(LENGTHS, shares, strict=True)
+    ]
+    [reason] = set(doubts(off).values())
+    assert cause in reason.split("; ")[1]

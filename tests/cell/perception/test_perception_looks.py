@@ -2,6 +2,7 @@
 refused.
 """
 
+import re
 from functools import lru_cache
 
 import numpy as np
@@ -94,10 +95,7 @@ def test_thing_of_the_strips_colour_behind_its_way_is_refused_with_its_place() -
     box = Box((0.25, 0.15, 0.0), (0.40, 0.2, 0.2), (38, 58, 108))
     judged = _judged(Look(room, things=(box,)), _strip("denim"))
     reason = _refusals(judged)["background"]
-    x, z = (
-        float(word.split(" = ")[1].split()[0])
-        for word in reason.split(" at ")[1].split(", ")
-    )
+    x, z = map(float, re.findall(r"= (\d+) mm", reason))
     assert 230 < x < 400
     assert 10 < z < 200
 

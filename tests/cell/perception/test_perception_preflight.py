@@ -97,19 +97,19 @@ LOOK, MAT = StripLook.from_file(DENIM), StripLook(CAMERA.surroundings.desk, 0.00
         (flat(), MAT, "contrast"),
         (_wrinkled(), LOOK, "strip lies there"),
     ],
-    ids=[
-        "short",
-        "much shorter",
-        "nearer to the camera",
-        "colour of the mat",
-        "wrinkled",
-    ],
 )
 def test_strip_that_does_not_lie_as_stated_is_refused(
     points: Array, look: StripLook, check: str
 ) -> None:
     judged = _judged(_picture(points, look))
     assert check in _failed(judged)
+
+
+def test_map_that_is_off_in_height_is_told_of_a_thin_strip_and_no_cloth() -> None:
+    thin = load_strip(STRIPS / "swimwear.yaml")
+    moved = flat() - (0.0, 0.005)
+    judged = _judged(_picture(moved, StripLook.from_file(thin)), thin)
+    assert _failed(judged) == ["on the desk plane"]
 
 
 def test_empty_desk_is_refused_and_says_what_to_do() -> None:

@@ -93,12 +93,9 @@ def _strip(kind: str, rng: np.random.Generator) -> Told:
     with TemporaryDirectory() as place:
         seed = int(rng.integers(1000))
         result = fold_strip("denim", "adaptive", seed, Path(place), plant=plant)
-        doubts = bool(result.run) and any(
-            "disagree" in kept.read_text() for kept in Path(result.run).glob("*.yaml")
-        )
     seen, true = result.displacement, result.displacement_true
     right = seen is not None and true is not None and abs(seen - true) < HARMLESS
-    told = right or doubts or result.exit_code != 0
+    told = right or result.warning is not None or result.exit_code != 0
     said = f"{result.outcome}: {result.reason}"
     return {"told": told, "whole": True, "said": said[:200]}
 
