@@ -11,13 +11,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from cell.gap.fitting import Progress, quiet
 from cell.gap.fitting.base_fit import (
     effect_responses,
     projection,
     stated_estimate,
     undetermined_values,
 )
-from cell.gap.forward_selection import Progress, quiet
 from cell.gap.open_subject import open_subject
 from cell.gap.subject.run_folders import (
     TABLES,

@@ -15,8 +15,7 @@ from threadpoolctl import threadpool_limits
 from cell.gap.check import recordings, refuse
 from cell.gap.diagnosis.held_out_gap import odd_runs
 from cell.gap.diagnosis.lack_of_fit import order_suspicion
-from cell.gap.fitting import CountedSimulation, Simulate
-from cell.gap.forward_selection import Progress, quiet
+from cell.gap.fitting import CountedSimulation, Progress, Simulate, quiet
 from cell.gap.investigate import in_all_runs, investigate
 from cell.gap.open_subject import open_subject
 from cell.gap.report.page import page

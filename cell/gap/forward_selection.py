@@ -4,7 +4,7 @@ best.
 The models that lead the base revise it, and are fitted again beside the revised base.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import takewhile
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cell.gap.diagnosis.lack_of_fit import ResidualTest
-from cell.gap.fitting import Simulate, run_all, run_one
+from cell.gap.fitting import Progress, Simulate, run_all, run_one
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, FitEstimate, best, refit
 from cell.gap.fitting.model import Point
@@ -37,13 +37,6 @@ from cell.gap.selection.search import BUDGET, Search, within_reach, without_each
 from cell.gap.subject.subject import FitRun
 from cell.gap.verdict.findings import BaseFit, Screen
 from drivers.base.types import Array
-
-Progress = Callable[[str, float], None]
-"""Called with the name of a stage and the share of the whole that is done."""
-
-
-def quiet(stage: str, fraction: float) -> None:
-    """Progress callback that shows nothing."""
 
 
 class Models(NamedTuple):

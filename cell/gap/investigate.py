@@ -9,7 +9,7 @@ from scipy import special
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import Bin, ResidualTest
 from cell.gap.diagnosis.next_experiment import Recommendation, advise
-from cell.gap.fitting import Simulate, run_all, run_one
+from cell.gap.fitting import Progress, Simulate, run_all, run_one
 from cell.gap.fitting.base_fit import (
     projection,
     refit_base,
@@ -28,7 +28,6 @@ from cell.gap.fitting.reml import (
 from cell.gap.forward_selection import (
     BaseStart,
     Models,
-    Progress,
     refit_further,
     refit_on_base,
     refit_singles,

@@ -13,6 +13,12 @@ from cell.gap.subject.subject import Residuals, SimulationRequest
 T = TypeVar("T")
 Simulate = Callable[[Sequence[SimulationRequest]], Sequence[Residuals]]
 Task = Generator[list[SimulationRequest], Sequence[Residuals], T]
+Progress = Callable[[str, float], None]
+"""Called with the name of a stage and the share of the whole that is done."""
+
+
+def quiet(stage: str, fraction: float) -> None:
+    """Progress callback that shows nothing."""
 
 
 def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cell.gap.diagnosis.lack_of_fit import Repeats
 from cell.gap.fitting.base_fit import refit_fine
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.subject.subject import FitRun, SimulationRequest
@@ -20,6 +19,7 @@ from tests.support.curves import (
     hidden,
     judged,
     nothing,
+    repeats_of,
     validated,
     wave,
 )
@@ -41,7 +41,7 @@ def test_misfit_of_one_condition_is_no_drift() -> None:
     def late(t: Array, speed: float, _: int) -> Array:
         return np.where((t > 0.6) & (speed > 2.5), 0.2, 0.0)
 
-    repeats = Repeats.of(fitted(Curves(late)))
+    repeats = repeats_of(fitted(Curves(late)))
     assert repeats.drift
     assert not repeats.drifts
 

@@ -3,6 +3,7 @@ accelerations.
 """
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,7 @@ SETTLED = 10.0
 # lies a gap
 BRIDGED, STEPS = 0.5, 2.5
 GRID = 4000  # places of a run at most at which torques are computed
+butterworth = cache(butter)  # of one cutoff for all simulations of a run
 
 
 class FilteredMotion(NamedTuple):
@@ -187,7 +189,7 @@ def _low_pass(x: Array, dt: float, cutoff: float) -> Array:
     """Rows x (n, m) in steps of `dt` [s], filtered by a low pass at `cutoff`
     [rad/s].
     """
-    slow: Array = filtfilt(*butter(ORDER, cutoff * dt / np.pi), x, axis=-1)
+    slow: Array = filtfilt(*butterworth(ORDER, cutoff * dt / np.pi), x, axis=-1)
     return slow
 
 

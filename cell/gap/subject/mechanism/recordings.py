@@ -293,8 +293,11 @@ def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
     for a, b in combinations(found, 2):
         if a.condition == b.condition:
             other = np.interp(a.t, b.t, b.columns[column])
-            difference = (a.columns[column] - other)[a.t <= b.t[-1]]
-            variances.append(np.nanmean(difference**2) / 2.0)  # of two equal errors
+            past = np.interp(a.t, b.t, np.arange(len(b.t))) % 1.0
+            # of a reading, and of the mean of two between which it lies
+            errors = 1.0 + past**2 + (1.0 - past) ** 2
+            squares = (a.columns[column] - other) ** 2 / errors
+            variances.append(np.nanmean(squares[a.t <= b.t[-1]]))
     if not variances:
         raise ConfigurationError(
             f"{origin}: signals.{column}.sigma: repeats: no two runs share a condition;"

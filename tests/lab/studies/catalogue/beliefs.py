@@ -17,7 +17,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cell.base.config.places import find_configs
-from cell.gap.forward_selection import quiet
+from cell.gap.fitting import quiet
 from cell.gap.investigate import investigate
 from cell.gap.open_subject import open_subject
 from cell.gap.selection.hold_out import held_out

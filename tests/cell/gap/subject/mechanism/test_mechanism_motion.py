@@ -7,6 +7,7 @@ import pytest
 import yaml
 from scipy.special import betainc
 
+from cell.gap.subject.mechanism.recordings import Recording, repeat_noise
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_table import read_table
 from tests.lab.exam import mechanisms as exam
@@ -28,6 +29,17 @@ def truths(weight: np.ndarray) -> dict[str, Sequence[float] | np.ndarray]:
         "sensor_delay": [exam.DELAY],
         "encoder_bias": [0.0, exam.ENCODER_BIAS],
     }
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.6])
+def test_noise_by_repeats_is_that_of_a_reading_whatever_their_clocks(jitter) -> None:
+    rng = np.random.default_rng(1)
+    found = []
+    for k in range(3):
+        t = np.cumsum(0.01 * rng.uniform(1.0 - jitter, 1.0 + jitter, 2000))
+        columns = {"x": np.sin(t) + 0.02 * rng.standard_normal(2000)}
+        found.append(Recording(f"{k}", "same", k, t, columns))
+    assert repeat_noise(found, "x", "") == pytest.approx(0.02, rel=0.03)
 
 
 @pytest.mark.parametrize("hidden", ["nothing", *truths(np.ones(2))])
