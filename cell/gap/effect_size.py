@@ -9,13 +9,14 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
+from cell.gap.fitting import run_one
 from cell.gap.fitting.base_fit import projection, stated_estimate
-from cell.gap.fitting.model import response
+from cell.gap.fitting.gauss_newton import responses_to
 from cell.gap.subject.strip.measurement_errors import SLACK_EFFECTS
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.subject import StripSubject
 from cell.gap.subject.strip.synthetic import measured_along
-from cell.gap.subject.subject import NamedValues, Residuals, SimulationRequest
+from cell.gap.subject.subject import NamedValues
 from cell.record.header import Sigma
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
@@ -154,33 +155,17 @@ class GapModel:
         refit.
         """
         estimate = self._estimate
-        runs = list(zip(estimate.runs, estimate.local, strict=True))
-        requests = []
+        base = estimate.shared
+        library = self._subject.scope.by_name
+        models = [(estimate.model, base)]
         for effects in hidden:
-            values = {
-                name: _engine_values(name, stated) for name, stated in effects.items()
-            }
-            requests += [
-                SimulationRequest(
-                    run=run, base=estimate.shared, effects=values, local=local
-                )
-                for run, local in runs
-            ]
+            members = [library[name].with_shape() for name in effects]
+            model = replace(estimate.model, effects=tuple(members))
+            values = [_engine_values(*each) for each in effects.items()]
+            models.append((model, np.concatenate([base, *values])))
 
-        results = self._subject.simulate(requests)
-        count = len(runs)
-        return [
-            self._left_by_base(results[k * count :][:count]) for k in range(len(hidden))
-        ]
-
-    def _left_by_base(self, results: Sequence[Residuals]) -> Array:
-        """Change (samples,) of whitened residuals between the fit and simulated
-        `results` that refitting the base cannot absorb.
-        """
-        estimate = self._estimate
-        rows = zip(results, estimate.raw, estimate.runs, strict=True)
-        moved = [response(result, at, run.samples.scale) for result, at, run in rows]
-        return self._about.unabsorbed(np.concatenate(moved))
+        found = run_one(self._subject.simulate, responses_to(estimate, models))
+        return [self._about.unabsorbed(np.concatenate(by_run)) for by_run in found]
 
     def excess_of(self, response: Array) -> float:
         """Excess residual [noise] of runs that differ from their model by a `response`
@@ -228,5 +213,4 @@ def _engine_values(name: str, values: Mapping[str, float]) -> Array:
     """
     effect = registry()[name]
     complete = effect.complete(values)
-    used = [p for p in effect.parameters if p.role != "shape" or p.name in values]
-    return np.array([p.stated_value(complete[p.name]) for p in used])
+    return np.array([p.stated_value(complete[p.name]) for p in effect.parameters])

@@ -281,7 +281,7 @@ def fit_gap(
     ConfigurationError for bad input.
     """
     from cell.gap.fit import FitOptions, fit
-    from cell.gap.forward_selection import quiet
+    from cell.gap.fitting import quiet
     from cell.gap.report.overlay import write_overlay
 
     if (strip is None) == (model is None):

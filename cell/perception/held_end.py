@@ -28,7 +28,7 @@ from drivers.strip.file import StripFile
 
 PROFILE_CONFIDENCE = 0.5  # confidence in a profile from which the end is taken from it
 CLOSE = 0.001  # m, change of the end below which the iteration has converged
-ROUNDS = 6
+ROUNDS, DAMPED = 6, 0.5  # of the iteration, and share of its further steps
 END_LENGTH = 0.04  # m at the profile's end from which it is extrapolated
 MOST_STEPS = 5.0  # times the last motion of the end, by which it is extrapolated
 UPRIGHT_HEIGHT = 0.1  # m of lift after which the end hangs upright
@@ -287,7 +287,7 @@ class HeldEnd:
             length = self._strip.length
             yield Pose(length, 0.0, 0.0)
             for height in LIFTS:
-                pitch = min(height / UPRIGHT_HEIGHT, 1.0) * np.pi / 2
+                pitch = height / UPRIGHT_HEIGHT * np.pi / 2
                 yield Pose(length - height / 2, height, pitch)
             return
 
@@ -314,20 +314,23 @@ class HeldEnd:
         return Pose(x, max(z, 0.0), last.pitch)
 
     def _iterate(self, frame: Frame, guess: Pose) -> HeldMeasurement:
-        """Measure the strip and its held end by fixed-point iteration from `guess`; the
-        end is None where that does not converge.
+        """Measure the strip and its held end by damped fixed-point iteration from
+        `guess`; the end is None where that does not converge.
+
+        Fingers hide the strip's end: near the desk full steps swing about it.
         """
+        share = 1.0
         for _ in range(ROUNDS):
             measurement = self._perception.measure(frame, guess)
             end = self._end_pose(measurement)
             if end is None:
-                return HeldMeasurement(measurement, end=None)
-            moved = hypot(end.x - guess.x, end.z - guess.z)
-            guess = end
-            if moved < CLOSE:
-                return HeldMeasurement(
-                    replace(measurement, gripper=(end.x, end.z)), end
-                )
+                break
+            step = end.as_array() - guess.as_array()
+            if hypot(*step[:2]) < CLOSE:
+                at = end.x, end.z
+                return HeldMeasurement(replace(measurement, gripper=at), end)
+            guess = Pose(*(guess.as_array() + share * step).tolist())
+            share = DAMPED
         return HeldMeasurement(measurement, end=None)
 
     def _end_pose(self, measurement: StripMeasurement) -> Pose | None:

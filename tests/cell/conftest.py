@@ -20,6 +20,7 @@ from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from drivers.base.types import Array, Frame, Image, Pose
 from policies.path import triangular
+from tests.support.effect_cases import DENIM
 from tests.support.plain_cell import ARM
 from tests.support.requests import CELL
 
@@ -51,15 +52,7 @@ HEADER: dict[str, Any] = {
     "plant_sha256": "9f2c" * 16,
     "versions": {"cell": "0.1.0", "python": "3.11"},
     "calibration": {"id": "made", "error": 0.00031},
-    "strip_file": {
-        "schema": 1,
-        "name": "denim",
-        "length": LENGTH,
-        "width": 0.05,
-        "areal_density": 0.4,
-        "bending_length": 0.017,
-        "retardation_time": 0.03,
-    },
+    "strip_file": DENIM,
 }
 
 

@@ -21,12 +21,12 @@ FROM_GRIP = 0.01  # m about the held end, of which the fingers hide a part
 
 def off(seen: Run, own: Run, begin: float) -> np.ndarray:
     """Distances [m] of all points seen in the film from the cell's own profiles."""
-    stamps = np.array([stamp for stamp, _ in own.profile.curves()])
-    lines = [line for _, line in own.profile.curves()]
+    stamps, lines = zip(*own.profile.curves(), strict=True)
     found = []
     for stamp, curve in seen.profile.curves():
-        at = int(np.argmin(np.abs(stamps - (stamp + begin))))
-        if abs(stamps[at] - (stamp + begin)) < 0.002:
+        apart = np.abs(np.subtract(stamps, stamp + begin))
+        at = int(apart.argmin())
+        if apart[at] < 0.002:
             away = np.hypot(*(curve - curve[-1]).T) > FROM_GRIP
             found.append(distances(curve[away], lines[at]))
     return np.concatenate(found)

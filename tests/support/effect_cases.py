@@ -42,21 +42,21 @@ USUAL = {
     "softness": 0.3,
     "set": 0.4,
 }
+DENIM: dict[str, Any] = {
+    "schema": 1,
+    "name": "denim",
+    "length": LENGTH,
+    "width": 0.05,
+    "areal_density": 0.4,
+    "bending_length": 0.017,
+    "retardation_time": 0.03,
+}
 INDEX = 2  # runs that the specimen has been through before
 
 
 def denim(**changes: Any) -> StripFile:
     """Strip of 0.6 m, about as heavy and stiff as denim."""
-    content = {
-        "schema": 1,
-        "name": "denim",
-        "length": LENGTH,
-        "width": 0.05,
-        "areal_density": 0.4,
-        "bending_length": 0.017,
-        "retardation_time": 0.03,
-    }
-    return StripFile.model_validate(content | changes)
+    return StripFile.model_validate(DENIM | changes)
 
 
 def affected(name: str, strip: StripFile | None = None, **values: float) -> StripModel:

@@ -162,6 +162,11 @@ def test_scatter_between_repeats_raises_the_noise() -> None:
     assert scatter(fits[0], 1.0) == pytest.approx(1.0)
 
 
+def test_where_all_probes_gain_alike_rounding_chooses_none() -> None:
+    found, _ = judged(Curves(hidden(wave, 0.3)))
+    assert all(score.linear for score in found.screen.singles)
+
+
 def test_conditions_that_follow_one_another_are_no_drift() -> None:
     wrong = Curves(lambda t, speed, _: 0.3 * speed * t, scatter=0.02)
     assert not repeats_of(fitted(wrong)).drifts

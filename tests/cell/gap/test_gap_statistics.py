@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from cell.gap.fitting import robust, run_all
-from cell.gap.fitting.base_fit import projection
+from cell.gap.fitting import robust
 from cell.gap.fitting.normal_equations import NormalEquations
 from cell.gap.selection.likelihood import holm
-from cell.gap.selection.screening import probe_equations, ranked_singles, run_probes
 from cell.gap.subject.subject import FitRun, Samples, Series
-from tests.support.curves import Curves, fitted, nothing
 
 
 def test_bounded_step_is_the_minimum_within_the_bounds() -> None:
@@ -49,13 +46,3 @@ def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:
 def _samples(n: int) -> Samples:
     one = Series("angle", "angle", "lift", "middle", np.arange(1.0 * n), 1.0, 1.0, 0.0)
     return Samples.stack([one])
-
-
-def test_where_all_probes_gain_alike_rounding_chooses_none() -> None:
-    for seed in range(6):
-        subject = Curves(nothing, seed=seed, names=("bump", "wave"))
-        base = fitted(subject)
-        tasks = [run_probes(base, c) for c in subject.scope.candidates]
-        probed = run_all(subject.simulate, tasks)
-        singles = ranked_singles(probe_equations(projection(base), probed))
-        assert [score.linear for score in singles] == [True, True]

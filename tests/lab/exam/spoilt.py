@@ -14,16 +14,6 @@ from drivers.base.types import Array
 from tests.support.mechanisms import write_run
 
 Table = dict[str, Array]
-TOLD = {
-    "wrap": "wrapped",
-    "lag": "lag",
-    "sign": "sign",
-    "unit": "unit",
-    "stuck": "stuck reading",
-    "contact": "contact",
-    "drift": "drift",
-}
-"""Faults, each by what a check is to call it."""
 NAMES = {"lag": {"sensor_delay"}, "drift": {"dry_friction", "presliding"}}
 """Effects that are right of a fault that is fitted all the same."""
 UNITS = (1000.0, 100.0, 10.1972, 0.101972, 8.85075, 141.612, 0.001)  # in a newton metre
@@ -161,11 +151,12 @@ def _drift(recorder: Recorder) -> None:
 
 
 FAULTS: dict[str, Callable[[Recorder], Any]] = {
-    "wrap": _wrap,
+    "wrapped": _wrap,
     "lag": _lag,
     "sign": _sign,
     "unit": _unit,
-    "stuck": _stuck,
+    "stuck reading": _stuck,
     "contact": _contact,
     "drift": _drift,
 }
+"""Faults by what a check is to call them."""

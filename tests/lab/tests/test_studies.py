@@ -18,7 +18,7 @@ from cell.gap.verdict.confidence import LogOddsCalibration
 from drivers.base.errors import ConfigurationError
 from drivers.base.settings import load
 from tests.lab.__main__ import app
-from tests.lab.exam.spoilt import TOLD
+from tests.lab.exam.spoilt import FAULTS
 from tests.lab.studies.campaign import StudyRequest, inputs, read_study
 from tests.lab.studies.catalogue import mechanisms, studies, study_of
 from tests.lab.studies.study import Quantity, Statistic, figure
@@ -60,7 +60,7 @@ def test_mechanisms_are_drawn_until_one_effect_shows_and_a_fifth_is_spoilt(
     monkeypatch.setenv(mechanisms.SPOILT, "yes")
     every = [case.values for case in mechanisms.STUDY.cases(3, 70)]
     faults = [v["spoilt"] for v in every if v["kind"] == "spoilt"]
-    assert sorted(faults) == sorted(2 * [*TOLD])
+    assert sorted(faults) == sorted(2 * [*FAULTS])
     assert {v["kind"] for v in every} == {*mechanisms.KINDS, "spoilt"}
 
 

@@ -243,7 +243,7 @@ class InverseDynamics(MechanismSubject):
                 change = _inverse_dynamics(model, q, v + dv, a + da) - plain
                 squares += self._readings(model, motion.forces, change) ** 2
 
-        return np.array([np.interp(t, motion.t, row) for row in np.sqrt(squares)])
+        return interpolate_columns(t, motion.t, np.sqrt(squares).T).T
 
     def contradictions(self) -> Iterator[Finding]:
         """Findings on recordings, and on torques in another unit, sign or time than the

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
+from scipy.ndimage import binary_dilation
 from scipy.signal import butter, filtfilt, welch
 
 from cell.gap.subject.mechanism.closed_loops import ClosedLoops
@@ -63,7 +64,7 @@ class FilteredMotion(NamedTuple):
         """
         grid = self.t
         slow = _low_pass(rows, grid[1] - grid[0], self.cutoff)
-        return np.array([np.interp(t, grid, row) for row in slow])
+        return interpolate_columns(t, grid, slow.T).T
 
 
 def cutoff_of(
@@ -221,8 +222,8 @@ def _near_gaps(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     """Mask (m,) of readings within `reach` readings of a gap in `gaps` (m,), or of an
     end.
     """
-    around = np.pad(gaps.astype(float), reach, constant_values=1.0)
-    return np.convolve(around, np.ones(2 * reach + 1), "valid") > 0.5
+    near: NDArray[np.bool_] = binary_dilation(gaps, iterations=reach, border_value=1)
+    return near
 
 
 def true_motion(motion: FilteredMotion, errors: Readings) -> tuple[Array, Array, Array]:

@@ -294,8 +294,8 @@ def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
         if a.condition == b.condition:
             other = np.interp(a.t, b.t, b.columns[column])
             past = np.interp(a.t, b.t, np.arange(len(b.t))) % 1.0
-            # of a reading, and of the mean of two between which it lies
-            errors = 1.0 + past**2 + (1.0 - past) ** 2
+            # of a reading and of a mean of two, between which it lies
+            errors = 2.0 * (1.0 - past + past**2)
             squares = (a.columns[column] - other) ** 2 / errors
             variances.append(np.nanmean(squares[a.t <= b.t[-1]]))
     if not variances:

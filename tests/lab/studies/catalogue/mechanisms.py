@@ -25,7 +25,7 @@ from cell.gap.verdict.schema import Verdict
 from drivers.base.errors import ConfigurationError
 from tests.lab.exam.mechanisms import LISTS, make_runs
 from tests.lab.exam.score import claim
-from tests.lab.exam.spoilt import NAMES, TOLD, spoil
+from tests.lab.exam.spoilt import FAULTS, NAMES, spoil
 from tests.lab.studies.study import (
     Quantity,
     Statistic,
@@ -61,7 +61,7 @@ def draw(number: int, rng: np.random.Generator, drawn: int = 1) -> Values:
     if SPOILT in os.environ and number % len(KINDS) == block % len(KINDS):
         kind, spoilt = (
             ("nothing", "one effect")[block % 2],
-            list(TOLD)[block % len(TOLD)],
+            list(FAULTS)[block % len(FAULTS)],
         )
     able = LISTS["chains"] if spoilt == "contact" else models
     name = str(
@@ -122,7 +122,9 @@ def what_is_said(file: Path, runs: Sequence[Path]) -> dict[str, str]:
     try:
         opened = open_subject(file, find_runs(runs), 1)
     except ConfigurationError as error:
-        return {TOLD["stuck"] if "stands still" in str(error) else "unreadable": "bad"}
+        return {
+            "stuck reading" if "stands still" in str(error) else "unreadable": "bad"
+        }
     return {each.what: each.level for each in opened.contradictions()}
 
 
@@ -138,7 +140,7 @@ def _score_spoilt(case: Values, said: Values, verdict: Verdict | None) -> Values
     neither this nor a hidden cause makes.
     """
     named = set() if verdict is None else {e.name for e in verdict.effects}
-    told = TOLD[case["spoilt"]] in said or DRIFTS in str(verdict)
+    told = case["spoilt"] in said or DRIFTS in str(verdict)
     false = bool(named - names_that_are_right(case))
     return {"by_class": told and not false, "false": false, "told": told, "base": None}
 
