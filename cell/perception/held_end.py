@@ -325,11 +325,12 @@ class HeldEnd:
             end = self._end_pose(measurement)
             if end is None:
                 break
-            step = end.as_array() - guess.as_array()
+            place = guess.as_array()
+            step = end.as_array() - place
             if hypot(*step[:2]) < CLOSE:
                 at = end.x, end.z
                 return HeldMeasurement(replace(measurement, gripper=at), end)
-            guess = Pose(*(guess.as_array() + share * step).tolist())
+            guess = Pose(*(place + share * step).tolist())
             share = DAMPED
         return HeldMeasurement(measurement, end=None)
 
