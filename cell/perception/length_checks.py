@@ -12,10 +12,8 @@ from cell.perception.strip_measurement import StripMeasurement
 from drivers.base.errors import in_mm
 from drivers.base.geometry import lengths
 
-DOUBTED, REFUTED = (
-    3.0,
-    10.0,
-)  # spreads; 0.3 % of normal differences are larger than three
+# spreads; 0.3 % of normal differences are larger than three
+DOUBTED, REFUTED = 3.0, 10.0
 BY_HAND = 0.001  # m, assumed: how well a person lays an edge on a line
 BY_TOOL = 0.0005  # m, assumed: how well an arm knows the point that its fingers hold
 FEWEST_IMAGES = 10  # of the held end
@@ -39,11 +37,7 @@ CHANGED = (
 
 LENGTHS = ("free_edge", "grip", "edges")
 CAUSES = {
-    "the camera's map is off by {:+.1f} mm in x: `cell calibrate homography`": (
-        1,
-        1,
-        -2,
-    ),
+    "the camera's map is {:+.1f} mm off in x: `cell calibrate homography`": (1, 1, -2),
     "the robot stands {:+.1f} mm off its place: `cell register`": (0, 1, -2),
     "the strip is held {:+.1f} mm off the arm's tool point: look at the fingers, or"
     " state effects.tcp_offset.x in cell.yaml": (0, 1, -1),

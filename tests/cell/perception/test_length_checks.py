@@ -79,7 +79,7 @@ def test_a_disagreement_stands_on_the_terminal_in_json_in_the_record_and_on_the_
 @pytest.mark.parametrize(
     ("cause", "shares"),
     [
-        ("map is off by +9.0 mm", (1, 1, -2)),
+        ("map is +9.0 mm off", (1, 1, -2)),
         ("strip is held +9.0 mm", (0, 1, -1)),
         ("free edge lies +9.0 mm", (1, 0, 0)),
     ],
