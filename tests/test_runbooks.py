@@ -17,6 +17,7 @@ import typer
 from cell.__main__ import main
 from cell.interface.cli.app import app
 from tests.lab.__main__ import app as lab
+from tests.support.fci_clients import served
 
 ROOT = Path(__file__).parents[1]
 NOTES = ROOT / "tests" / "lab" / "notes"
@@ -61,6 +62,8 @@ PLAYED = {
     "python -m tests.lab study unknown --count 60 --jobs 2": {"60": "1"},
     "python -m tests.lab study unknown --count 60 --show": {"60": "1"},
 }
+# of the first day, on an emulated robot before the twin's camera
+WALKED = ("1", "3", "7", "8", "13", "14", "11")
 ELSEWHERE = {  # what other tests run, with other files and numbers
     "cell gap": "tests/end_to_end/test_gap_circle.py",
     "cell fold --strip denim --plant moved.yaml": ("tests/cell/setup/test_wizards.py"),
@@ -159,25 +162,45 @@ def test_every_command_on_the_pages_is_run_by_some_test() -> None:
     assert all((ROOT / place).exists() for place in ELSEWHERE.values())
 
 
+def play(line: str, folder: Path) -> None:
+    """Run a command line in `folder` as a person would, who sees it end well."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    played = subprocess.run(
+        ["sh", "-c", line],
+        cwd=folder,
+        env={**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert played.returncode == 0, f"{line}\n{played.stderr}"
+
+
 @pytest.mark.slow
 def test_longer_commands_run_one_after_the_other_in_one_folder(tmp_path) -> None:
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    variables = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)}
     for line, places in PLAYED.items():
         for word, place in places.items():
             found = sorted(tmp_path.glob(place))[0] if "*" in place else place
             line = re.sub(rf"\b{re.escape(word)}\b", str(found), line)  # noqa: PLW2901
-        played = subprocess.run(
-            ["sh", "-c", line],
-            cwd=tmp_path,
-            env=variables,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert played.returncode == 0, f"{line}\n{played.stderr}"
+        play(line, tmp_path)
+
+
+@pytest.mark.slow
+def test_first_day_leads_an_emulated_robot_to_a_fold(tmp_path) -> None:
+    pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
+    shutil.copytree(ROOT / "configs", tmp_path / "configs")
+    page = (ROOT / "runbooks" / "first-day-with-a-real-arm.md").read_text("utf-8")
+    rows = dict(re.findall(r"^\| (\d+) \| \d+ \| (.*?) \|", page, re.MULTILINE))
+    with served("--between", "0.9mm") as (told, _):
+        file = tmp_path / "configs" / "cell.yaml"
+        text = file.read_text("utf-8").replace("arm: twin", "arm: fci")
+        fci = f"fci: {{address: {told['address']}, lock_step: true}}\n"
+        file.write_text(text + fci, "utf-8")
+        for number in WALKED:
+            for line in INLINE.findall(rows[number]):
+                play(line, tmp_path)
 
 
 @pytest.mark.parametrize("line", RUN)

@@ -88,7 +88,7 @@ def connection(pipe: Connection, access: RobotAccess) -> Iterator[Any]:
         from drivers.franka.robot import Robot
 
         robot = Robot(access.address, access.settings, access.limits)
-        apply_realtime(access.settings.realtime)
+        apply_realtime(access.settings.scheduling)
         yield robot
     except ArmFault as fault:
         send(pipe, fault)

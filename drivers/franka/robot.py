@@ -59,7 +59,7 @@ class Robot:
         if description is not None:
             require_limits(description, planned)
         self._settings = settings
-        self._robot = _connect(address, settings.realtime)
+        self._robot = _connect(address, settings.scheduling)
 
     def state(self) -> Any:
         """State of the robot now; the first one after a pause is discarded as stale."""

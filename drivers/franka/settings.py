@@ -116,6 +116,11 @@ class FciSettings(Settings):
         """
         return self.address is None if self.lock_step is None else self.lock_step
 
+    @property
+    def scheduling(self) -> RealTime:
+        """Real-time scheduling of what drives the robot, which waits in lock-step."""
+        return "ignore" if self.in_lock_step else self.realtime
+
     def limit(self, installation: Installation) -> Installation:
         """Copy of `installation` whose motion limits are at most those of this
         robot.

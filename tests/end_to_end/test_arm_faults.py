@@ -10,17 +10,14 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 from cell.base.config.places import find_configs
-from cell.base.devices.fci import start_joints
 from cell.folding.fold import fold
 from cell.folding.request import RecordingOptions
 from cell.record.run import read_run
 from drivers.base.errors import Fault
-from drivers.base.types import frozen
 from drivers.franka.arm import FciArm
-from drivers.franka.process import RobotAccess
 from drivers.twin.clock import TwinClock
 from drivers.twin.fci_server.faults import VersionFault
-from drivers.twin.fci_server.server import RobotServer, ServerSettings
+from tests.drivers.franka.rig import served, task
 from tests.lab.faults.blow import Blow, strike
 from tests.lab.studies.kit.folds import cached_calibration
 from tests.support.children import wait_for_state
@@ -60,30 +57,18 @@ def test_fault_is_named_the_arm_rests_and_the_record_is_whole(
     assert came["whole"]
 
 
-def server(settings) -> RobotServer:
-    installation = settings.fci.limit(settings.installation)
-    start = start_joints(installation, settings.fold, 0.6)
-    return RobotServer(ServerSettings(), start=frozen(start), between=lambda: 0.001)
-
-
 @pytest.mark.slow
 def test_robot_of_another_version_is_named_with_both_versions() -> None:
-    settings = find_configs(None).cell()
-    fci = settings.fci.model_copy(update={"realtime": "ignore"})
-    with server(settings) as robot:
+    with served() as robot:
         robot.inject(VersionFault(kind="wrong_version", at=0))
         with pytest.raises(Fault, match=r"9.*10|10.*9") as refused:
-            FciArm(
-                RobotAccess(robot.address, fci, settings.installation), TwinClock()
-            ).connect()
+            FciArm(task(robot), TwinClock()).connect()
     assert refused.value.name == "arm_version"
 
 
 @pytest.mark.slow
 def test_arm_rests_when_its_cell_is_killed(tmp_path) -> None:
-    settings = find_configs(None).cell()
-    with server(settings) as robot:
-        robot.hand.width = settings.fci.hand.opening
+    with served(between=lambda: 0.001) as robot:
         command = [sys.executable, "-m", __name__, robot.address, str(tmp_path)]
         victim = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE

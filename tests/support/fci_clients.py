@@ -1,8 +1,12 @@
-"""Runs foreign clients of the robot's interface, each in a process of its own."""
+"""Runs foreign clients of the robot's interface, and `cell twin serve`, each in a
+process of its own.
+"""
 
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -30,3 +34,15 @@ def told_by(
     assert done.returncode == 0, done.stderr
     answer: dict[str, object] = json.loads(done.stdout.splitlines()[-1])
     return answer
+
+
+@contextmanager
+def served(*words: str | Path) -> Iterator[tuple[dict[str, object], subprocess.Popen]]:
+    """What `cell twin serve` tells with these `words`, and its process."""
+    serve = ("-m", "cell", "twin", "serve", "--json")
+    command = [sys.executable, *serve, *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield json.loads(process.stdout.readline()), process
+        finally:
+            process.terminate()

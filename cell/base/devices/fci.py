@@ -134,22 +134,16 @@ def fci_arm(
     """
     stated = settings.fci
     installation = stated.limit(settings.installation)
-    realtime = "ignore" if stated.in_lock_step else stated.realtime
-    fci = stated.model_copy(update={"realtime": realtime})
-
     limits = joint_limits(stated)
 
     def origin() -> float | None:
         return None if isinstance(clock, TwinClock) else clock.origin
 
-    arm = FciArm(
-        RobotAccess(
-            address=address, settings=fci, installation=installation, limits=limits
-        ),
-        clock,
-        origin,
+    access = RobotAccess(
+        address=address, settings=stated, installation=installation, limits=limits
     )
-    hand = FciHand(address, fci.hand, clock, ready=arm.join)
+    arm = FciArm(access, clock, origin)
+    hand = FciHand(address, stated.hand, clock, ready=arm.join)
     return arm, hand
 
 

@@ -21,12 +21,13 @@ from cell.interface.cli.options import (
 from drivers.base.errors import ConfigurationError, in_percent
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from cell.base.config.cell import CellFile
     from cell.base.devices.devices import Trial
     from cell.orchestrator.snapshot import Snapshot
     from cell.orchestrator.steps import Motion
+    from drivers.franka.joint_requests import GoTo
 
 Strip = Annotated[str, typer.Option(help="Strip that lies, or will lie, on the desk.")]
 Recover = Annotated[
@@ -54,21 +55,17 @@ def home(
     found = find_configs(configs)
     check_names(found, strip)
     from cell.setup.arm import manual_motion
+    from drivers.franka.joint_requests import GoTo
 
     settings, trial = _agree_to_motion(found.cell(), arm, full_speed, recover=recover)
     lying = found.strip(strip)
+    done = "the arm is home"
     if settings.robot_address is None:
-        _move(settings, trial, manual_motion.to_home(settings, lying))
+        _move(settings, trial, manual_motion.to_home(settings, lying), done)
     joints = manual_motion.home_joints(settings, lying)
-    _go_to(
-        joints,
-        settings,
-        "home",
-        full_speed=full_speed,
-        recover=recover,
-        reset_tool=reset_tool,
-    )
-    _print_result("the arm is home", settings)
+    share = _share(full_speed=full_speed)
+    request = GoTo(list(joints), share, recover=recover, reset_tool=reset_tool)
+    _go_to(request, settings, "home", done)
 
 
 def park(
@@ -82,14 +79,16 @@ def park(
     """
     from cell.base.devices.open import NO_STRIP
     from cell.setup.arm import manual_motion
+    from drivers.franka.joint_requests import GoTo
     from drivers.franka.kinematics import HOME
 
     stated = find_configs(configs).cell()
     settings, trial = _agree_to_motion(stated, arm, full_speed, recover=recover)
+    done = "the arm is parked"
     if settings.robot_address is None:
-        _move(settings, trial, manual_motion.to_home(settings, NO_STRIP))
-    _go_to(HOME.tolist(), settings, "to park", full_speed=full_speed, recover=recover)
-    _print_result("the arm is parked", settings)
+        _move(settings, trial, manual_motion.to_home(settings, NO_STRIP), done)
+    request = GoTo(HOME.tolist(), _share(full_speed=full_speed), recover=recover)
+    _go_to(request, settings, "to park", done)
 
 
 def jog(
@@ -171,25 +170,22 @@ def _agree_to_motion(
     return agree_to_slow_motion(chosen, ask, full_speed=full_speed, checked=not recover)
 
 
-def _go_to(
-    joints: "Sequence[float]",
-    settings: "CellFile",
-    where: str,
-    *,
-    full_speed: bool,
-    recover: bool,
-    reset_tool: bool = False,
-) -> None:
-    """Bring the robot to `joints` (7,) [rad], at the speed of a first run unless
+def _share(*, full_speed: bool) -> float:
+    """Share of full speed at which joints move: that of a first run unless
     `full_speed`.
     """
-    from cell.setup.arm.manual_motion import robot_task
     from cell.setup.arm.run_settings import FIRST_RUN_SPEED
-    from drivers.franka.joint_requests import GoTo, go_to
 
-    share = 1.0 if full_speed else FIRST_RUN_SPEED
-    request = GoTo(list(joints), share, recover=recover, reset_tool=reset_tool)
+    return 1.0 if full_speed else FIRST_RUN_SPEED
+
+
+def _go_to(request: "GoTo", settings: "CellFile", where: str, done: str) -> None:
+    """Move the robot's joints as `request` states, and print `done`."""
+    from cell.setup.arm.manual_motion import robot_task
+    from drivers.franka.joint_requests import go_to
+
     go_to(robot_task(settings), request, partial(_show_progress, where))
+    _print_result(done, settings)
 
 
 def _show_progress(where: str, share: float) -> None:

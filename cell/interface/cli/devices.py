@@ -243,9 +243,8 @@ def _print_cameras(
     """Print cameras with their formats and controls."""
     from drivers.v4l2.camera import UnusableDevice
 
-    count = 0
-    for entry in found:
-        count += 1
+    cameras = list(found)
+    for entry in cameras:
         if as_json:
             facts = asdict(entry)
             if not isinstance(entry, UnusableDevice):
@@ -255,8 +254,9 @@ def _print_cameras(
             print(entry.problem)
         else:
             print("\n".join(_camera_lines(entry)))
-    if not count:
+    if not cameras:
         notice("no camera has a link under /dev/v4l; plug one in")
+        sys.exit(1)
 
 
 def _mode_facts(entry: "CameraReport") -> dict[str, Any] | None:

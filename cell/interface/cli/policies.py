@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from cell.base.config.places import find_configs
-from cell.interface.cli.options import Cluster, Configs, Json, engine, resumable, taking
+from cell.interface.cli.options import (
+    Cluster,
+    Configs,
+    Json,
+    engine,
+    length_option,
+    resumable,
+    taking,
+)
 from cell.interface.cli.output import print_json, print_table, say
 from drivers.base.errors import ConfigurationError, in_mm
 
@@ -300,10 +308,16 @@ def serve(
         Path | None,
         typer.Option(help="File with faults that strike at scripted ticks."),
     ] = None,
+    between: Annotated[
+        float | None,
+        length_option(
+            "--between", "Thickness of what the fingers close on, as 0.9mm.", "mm", 0.0
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Emulate arm (port 1337) and hand (port 1338) until interrupted; no strip is
-    simulated.
+    simulated, and the fingers close on nothing unless told.
     """
     from drivers.base.settings import parse
     from drivers.twin.fci_server.faults import load_faults
@@ -311,7 +325,8 @@ def serve(
 
     given = {"lock_step": lock_step} | ({} if address is None else {"address": address})
     settings = parse(given, ServerSettings, "cell twin serve")
-    server = RobotServer(settings, faults=() if faults is None else load_faults(faults))
+    scheduled = () if faults is None else load_faults(faults)
+    server = RobotServer(settings, between=lambda: between, faults=scheduled)
     host = server.address
     clock = "lock-step" if lock_step else "wall clock"
     facts = {"address": host, "arm": 1337, "hand": 1338, "clock": clock}

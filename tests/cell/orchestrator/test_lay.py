@@ -90,12 +90,18 @@ def test_edge_comes_down_at_its_place_or_where_its_layer_ends_unless_that_pulls_
     assert above == pytest.approx([x, rest + FOLD.lay_height])
 
 
-def lay_of(monkeypatch: pytest.MonkeyPatch, seen: list[float]) -> list[object]:
-    """Commands of a lay whose camera sees the edge beyond its place by `seen` [m]."""
+def lay_of(
+    monkeypatch: pytest.MonkeyPatch, seen: list[float]
+) -> tuple[list[object], FoldLog]:
+    """Commands and log of a lay whose camera sees the edge beyond its place by `seen`
+    [m].
+    """
+    logs = []
 
     def touch(_given: FoldInputs, log: FoldLog, *_):
         yield Hold()
         log.seen_touch = replace(touched(0.0), distance=0.003)
+        logs.append(log)
         return Trigger.LAYER_TOUCH
 
     def look(*_):
@@ -106,7 +112,7 @@ def lay_of(monkeypatch: pytest.MonkeyPatch, seen: list[float]) -> list[object]:
     bench = replace(plain_bench(), phases=FOLD_PHASES | phases(FOLD=touch))
     bench.hand.commands = commands = bench.arm.commands
     assert bench.run().name == "edges_not_seen"
-    return [c for c in commands if isinstance(c, MoveTo | OpenHand)]
+    return [c for c in commands if isinstance(c, MoveTo | OpenHand)], logs[0]
 
 
 HIGH = 0.00345 + ROOM + TIP_AHEAD  # m, over layers 3 mm apart
@@ -114,7 +120,7 @@ DOWN = Pose(HIGH - FOLD.lay_beyond, HIGH, HANGING)
 
 
 def test_edge_is_let_go_before_the_hand_leaves_straight_up(monkeypatch) -> None:
-    *_, laid, opened, up = lay_of(monkeypatch, [ALIGNED])
+    *_, laid, opened, up = lay_of(monkeypatch, [ALIGNED])[0]
     assert opened.width == pytest.approx(LOOSE, abs=0.002)
     assert laid.pose.as_array() == pytest.approx(DOWN.as_array())
     assert up.pose.as_array() == pytest.approx([DOWN.x, DOWN.z + 0.15, HANGING])
@@ -132,6 +138,16 @@ def test_edge_is_let_go_before_the_hand_leaves_straight_up(monkeypatch) -> None:
 def test_edge_is_pushed_until_the_camera_sees_it_at_its_place(
     seen: list[float], pushed: list[float], monkeypatch
 ) -> None:
-    *moves, _, _ = lay_of(monkeypatch, seen)
+    *moves, _, _ = lay_of(monkeypatch, seen)[0]
     places = dict.fromkeys(c.pose.x - DOWN.x for c in moves if c.pose.z == DOWN.z)
     assert list(places) == pytest.approx([0.0, *pushed])
+
+
+@pytest.mark.parametrize(
+    ("seen", "bent"),
+    [([0.004, 0.0002], 0.0002), ([0.004, 0.003, 0.006, 0.004], 0.0)],
+)
+def test_pushes_that_a_layer_still_bows_by_stand_against_the_camera(
+    seen: list[float], bent: float, monkeypatch
+) -> None:
+    assert lay_of(monkeypatch, seen)[1].bent == pytest.approx(bent)

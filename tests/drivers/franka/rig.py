@@ -216,8 +216,8 @@ def served(**given) -> Iterator[RobotServer]:
 
 def task(server: RobotServer, **changes) -> RobotAccess:
     """The robot as the cell drives it in lock-step."""
-    usual = {"realtime": "ignore", "collision": COLLISION}
-    return RobotAccess(server.address, FciSettings(**(usual | changes)), INSTALLATION)
+    settings = FciSettings(**({"collision": COLLISION} | changes))
+    return RobotAccess(server.address, settings, INSTALLATION)
 
 
 def near(shift: float = 0.05) -> list[float]:

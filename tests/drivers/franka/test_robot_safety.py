@@ -168,7 +168,8 @@ def test_library_s_scheduling_stays_only_where_it_is_enforced(
     )
     monkeypatch.setattr(drivers.franka.robot, "franka", library)
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: calls.append(given))
-    Robot("127.254.254.1", FciSettings(realtime=realtime), FR3)
+    address = "127.254.254.1"
+    Robot(address, FciSettings(address=address, realtime=realtime), FR3)
     assert len(calls) == restored
     assert modes == [
         library.RealtimeConfig.kEnforce

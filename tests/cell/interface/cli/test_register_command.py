@@ -33,7 +33,7 @@ def server() -> Iterator[RobotServer]:
 @pytest.fixture
 def configs(configs: Path, server: RobotServer) -> Path:
     """Configurations whose robot is `server`."""
-    fci = f"{{address: {server.address}, lock_step: true, realtime: ignore}}"
+    fci = f"{{address: {server.address}, lock_step: true}}"
     with (configs / "cell.yaml").open("a") as file:
         file.write(f"\nfci: {fci}\n")
     return configs

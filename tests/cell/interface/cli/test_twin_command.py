@@ -1,15 +1,13 @@
 """`cell twin serve`: where it listens, what it refuses, how it ends."""
 
-import json
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.support.commands import run
+from tests.support.fci_clients import served
 from tests.support.fci_wire import RawArm
 
 FAULTS = """\
@@ -35,16 +33,13 @@ def test_served_twin_says_where_it_is_obeys_its_script_and_ends_on_interrupt(
 ) -> None:
     script = tmp_path / "faults.yaml"
     script.write_text(FAULTS)
-    words = f"-m cell twin serve --json --faults {script}".split()
-    command = [sys.executable, *words]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as served:
-        told = json.loads(served.stdout.readline())
+    with served("--faults", script) as (told, process):
         assert told["address"].startswith("127.")
         assert (told["arm"], told["hand"], told["clock"]) == (1337, 1338, "lock-step")
         with RawArm(told["address"]) as arm:
             assert arm.connected == (1, 8)
-        served.send_signal(signal.SIGINT)
-        assert served.wait(20) == 0
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
 
 
 @pytest.mark.parametrize(
