@@ -18,6 +18,7 @@ from cell.__main__ import main
 from cell.interface.cli.app import app
 from tests.lab.__main__ import app as lab
 from tests.support.fci_clients import served
+from tests.support.run_edits import edit_yaml
 
 ROOT = Path(__file__).parents[1]
 NOTES = ROOT / "tests" / "lab" / "notes"
@@ -194,10 +195,11 @@ def test_first_day_leads_an_emulated_robot_to_a_fold(tmp_path) -> None:
     page = (ROOT / "runbooks" / "first-day-with-a-real-arm.md").read_text("utf-8")
     rows = dict(re.findall(r"^\| (\d+) \| \d+ \| (.*?) \|", page, re.MULTILINE))
     with served("--between", "0.9mm") as (told, _):
-        file = tmp_path / "configs" / "cell.yaml"
-        text = file.read_text("utf-8").replace("arm: twin", "arm: fci")
-        fci = f"fci: {{address: {told['address']}, lock_step: true}}\n"
-        file.write_text(text + fci, "utf-8")
+        edit_yaml(
+            tmp_path / "configs/cell.yaml",
+            drivers={"arm": "fci", "camera": "twin"},
+            fci={"address": told["address"], "lock_step": True},
+        )
         for number in WALKED:
             for line in INLINE.findall(rows[number]):
                 play(line, tmp_path)

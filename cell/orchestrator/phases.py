@@ -218,7 +218,7 @@ def fold(
         _record_prediction(given.policy, log, record, snapshot)
         if decision.done[0]:
             return Trigger.PATH_DONE
-        command = steps.drive(decision, _upright(snapshot.arm.pose))
+        command = steps.drive(decision, _upright(snapshot.arm.commanded))
 
 
 def _read_since(snapshot: Snapshot, begin: float) -> StripMeasurement | None:

@@ -14,10 +14,8 @@ from cell.folding.fold import fold
 from cell.folding.request import RecordingOptions
 from cell.record.run import read_run
 from drivers.base.errors import Fault
-from drivers.franka.arm import FciArm
-from drivers.twin.clock import TwinClock
 from drivers.twin.fci_server.faults import VersionFault
-from tests.drivers.franka.rig import served, task
+from tests.drivers.franka.rig import arm_of, served
 from tests.lab.faults.blow import Blow, strike
 from tests.lab.studies.kit.folds import cached_calibration
 from tests.support.children import wait_for_state
@@ -62,7 +60,7 @@ def test_robot_of_another_version_is_named_with_both_versions() -> None:
     with served() as robot:
         robot.inject(VersionFault(kind="wrong_version", at=0))
         with pytest.raises(Fault, match=r"9.*10|10.*9") as refused:
-            FciArm(task(robot), TwinClock()).connect()
+            arm_of(robot).connect()
     assert refused.value.name == "arm_version"
 
 

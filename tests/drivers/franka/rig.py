@@ -12,12 +12,16 @@ import numpy as np
 
 from drivers.base.installation import Installation
 from drivers.base.types import frozen
+from drivers.franka.arm import FciArm
 from drivers.franka.force import ForceGuard
+from drivers.franka.limits import FR3, JointLimits
 from drivers.franka.loop import ServoLoop
 from drivers.franka.mailbox import CommandKind, LoopCommand, Mailbox, Report
+from drivers.franka.plane import StripPlane
 from drivers.franka.process import RobotAccess
-from drivers.franka.reach import plan_reach
+from drivers.franka.reach import ReachGuard, plan_reach
 from drivers.franka.settings import CollisionSettings, FciSettings, HandLimits
+from drivers.twin.clock import TwinClock
 from drivers.twin.fci_server.configuration import Configuration
 from drivers.twin.fci_server.dynamics import RateReport
 from drivers.twin.fci_server.posture import Posture
@@ -202,6 +206,10 @@ def begun(robot: Any = None, *, lock_step: bool = True, guard=None) -> Driven:
     return Driven(robot, ServoLoop(robot, access, *boxes, lambda: 0.0, guard), *boxes)
 
 
+def reach_guard(limits: JointLimits = FR3) -> ReachGuard:
+    return ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS, limits)
+
+
 def columns(pose: np.ndarray) -> list[float]:
     return pose.T.ravel().tolist()
 
@@ -218,6 +226,10 @@ def task(server: RobotServer, **changes) -> RobotAccess:
     """The robot as the cell drives it in lock-step."""
     settings = FciSettings(**({"collision": COLLISION} | changes))
     return RobotAccess(server.address, settings, INSTALLATION)
+
+
+def arm_of(server: RobotServer, clock: TwinClock | None = None) -> FciArm:
+    return FciArm(task(server), clock or TwinClock())
 
 
 def near(shift: float = 0.05) -> list[float]:

@@ -11,15 +11,14 @@ from drivers.base.types import Pose, Velocity
 from drivers.franka import limits
 from drivers.franka.limits import FR3
 from drivers.franka.mailbox import CommandKind
-from drivers.franka.plane import StripPlane
-from drivers.franka.reach import PredictedMotion, ReachGuard, plan_reach
+from drivers.franka.reach import PredictedMotion, plan_reach
 from tests.drivers.franka.rig import (
     INSTALLATION,
     JOINTS,
-    PLANE,
     START,
     LossyRobot,
     begun,
+    reach_guard,
 )
 
 FOLLOWED = np.array([-1.0, -1.0, 0.0, 0.5, 1.0])  # of the highest velocity of an axis
@@ -55,23 +54,21 @@ def test_full_speed_reversals_at_any_place_stay_within_the_joints_limits(
 
 
 def test_guard_objects_to_what_braking_could_not_stop() -> None:
-    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    guard = reach_guard()
     calm = PredictedMotion(Pose(*START), STILL, STILL)
     assert guard.objection(calm) == ""
     fast = calm._replace(velocity=Velocity(0.0, 0.0, 20.0))
     assert "could not follow" in guard.objection(fast) or "end" in guard.objection(fast)
     hasty = calm._replace(acceleration=Velocity(0.0, 0.0, 40.0))
-    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    guard = reach_guard()
     assert "could not follow" in guard.objection(hasty)
 
 
 def test_guard_objects_to_joints_that_turn_too_fast_here() -> None:
     slow = PredictedMotion(Pose(*START), Velocity(0.02, 0.0, 0.0), STILL)
-    assert (
-        ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS).objection(slow) == ""
-    )
+    assert reach_guard().objection(slow) == ""
     few = replace(FR3, velocity=(1e-3,) * 7)
-    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS, few)
+    guard = reach_guard(few)
     assert "could not follow" in guard.objection(slow)
 
 
@@ -84,7 +81,7 @@ def test_path_through_a_singular_posture_is_refused_before_the_motion() -> None:
 
 
 def test_guard_objects_beyond_the_arm_s_reach() -> None:
-    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    guard = reach_guard()
     x, z, pitch = START
     objections = [
         guard.objection(PredictedMotion(Pose(x + 0.01 * step, z, pitch), STILL, STILL))

@@ -12,17 +12,15 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 
 from drivers.base.errors import Fault
 from drivers.base.types import frozen
-from drivers.franka.arm import FciArm
 from drivers.franka.checks import read_description, require_limits
 from drivers.franka.failure import ArmFault
 from drivers.franka.joint_requests import GoTo, go_to, hand_pose
 from drivers.franka.kinematics import FLANGE_TO_TIP
 from drivers.franka.limits import FR3
 from drivers.franka.model import arm_urdf
-from drivers.twin.clock import TwinClock
 from drivers.twin.fci_server.server import RobotServer
 from drivers.twin.fci_server.wire import Reflex, RobotMode
-from tests.drivers.franka.rig import near, served, task
+from tests.drivers.franka.rig import arm_of, near, served, task
 from tests.support.fci_clients import told_by
 
 NARROWER = {
@@ -57,7 +55,7 @@ def acts(server: RobotServer):
     points.
     """
     return (
-        FciArm(task(server), TwinClock()).connect,
+        arm_of(server).connect,
         lambda: go_to(task(server), GoTo(near(), 1.0)),
         lambda: hand_pose(task(server)),
     )
@@ -78,7 +76,7 @@ def test_tool_is_reset_where_that_is_asked_for_and_the_arm_then_goes_home(left) 
     assert left.robot.configuration.load_mass == 0.0
     assert np.array_equal(left.robot.configuration.nominal_to_tool, np.eye(4))
     assert left.robot.posture.q == pytest.approx(near(0.0), abs=1e-4)
-    with closing(FciArm(task(left), TwinClock())) as arm:
+    with closing(arm_of(left)) as arm:
         arm.connect()
 
 

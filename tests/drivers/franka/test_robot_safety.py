@@ -21,7 +21,6 @@ from drivers.base.geometry import CellInRobot
 from drivers.base.installation import AxisLimits, Installation, MotionLimits
 from drivers.base.types import Pose, Velocity
 from drivers.franka import joint_requests as requests
-from drivers.franka.arm import FciArm
 from drivers.franka.failure import ArmFault, Cause
 from drivers.franka.force import ForceGuard
 from drivers.franka.inverse_kinematics import solve
@@ -32,7 +31,7 @@ from drivers.franka.limits import FR3
 from drivers.franka.mailbox import CommandKind
 from drivers.franka.plane import StripPlane
 from drivers.franka.process import RobotAccess
-from drivers.franka.reach import PredictedMotion, ReachGuard
+from drivers.franka.reach import PredictedMotion
 from drivers.franka.robot import Robot
 from drivers.franka.settings import FciSettings
 from drivers.twin.clock import TwinClock
@@ -46,8 +45,10 @@ from tests.drivers.franka.rig import (
     PLANE,
     START,
     LossyRobot,
+    arm_of,
     begun,
     near,
+    reach_guard,
     served,
     task,
 )
@@ -69,7 +70,7 @@ def assert_collision_thresholds(server: RobotServer) -> None:
 
 
 def test_collision_thresholds_are_set_before_the_plane_s_motion() -> None:
-    with served() as server, closing(FciArm(task(server), TwinClock())) as arm:
+    with served() as server, closing(arm_of(server)) as arm:
         arm.connect()
         assert_collision_thresholds(server)
 
@@ -142,7 +143,7 @@ def test_reported_force_points_as_the_cell_s_axes_do() -> None:
 def test_guard_looks_where_a_braking_arm_comes_to_rest(
     speed: float, found: str
 ) -> None:
-    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    guard = reach_guard()
     x, z, pitch = START
     while z > -0.205:  # 15 mm above where joint 2 is at its end; braking takes 25 mm
         assert guard.objection(PredictedMotion(Pose(x, z, pitch), STILL, STILL)) == ""
@@ -237,7 +238,7 @@ def test_share_of_the_speed_bounds_every_joint_on_the_way_home() -> None:
 
 
 def test_arm_that_is_only_held_for_its_camera_is_commanded_by_nobody() -> None:
-    with served() as server, closing(FciArm(task(server), TwinClock())) as arm:
+    with served() as server, closing(arm_of(server)) as arm:
         arm.hold()
         for command in (
             arm.state,
@@ -258,7 +259,7 @@ def test_signal_to_all_processes_brakes_the_arm_and_does_not_drop_it(
 ) -> None:
     """A closed terminal or a shutdown sends it to the process of the arm, too."""
     clock = TwinClock()
-    with served() as server, closing(FciArm(task(server), clock)) as arm:
+    with served() as server, closing(arm_of(server, clock)) as arm:
         arm.connect()
         for until in range(10, 210, 10):
             arm.set_velocity(Velocity(-0.1, 0.0, 0.0))
