@@ -255,8 +255,7 @@ def _print_cameras(
         else:
             print("\n".join(_camera_lines(entry)))
     if not cameras:
-        notice("no camera has a link under /dev/v4l; plug one in")
-        sys.exit(1)
+        raise ConfigurationError("no camera has a link under /dev/v4l; plug one in")
 
 
 def _mode_facts(entry: "CameraReport") -> dict[str, Any] | None:

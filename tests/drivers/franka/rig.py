@@ -14,7 +14,7 @@ from drivers.base.installation import Installation
 from drivers.base.types import frozen
 from drivers.franka.arm import FciArm
 from drivers.franka.force import ForceGuard
-from drivers.franka.limits import FR3, JointLimits
+from drivers.franka.limits import FR3
 from drivers.franka.loop import ServoLoop
 from drivers.franka.mailbox import CommandKind, LoopCommand, Mailbox, Report
 from drivers.franka.plane import StripPlane
@@ -206,7 +206,7 @@ def begun(robot: Any = None, *, lock_step: bool = True, guard=None) -> Driven:
     return Driven(robot, ServoLoop(robot, access, *boxes, lambda: 0.0, guard), *boxes)
 
 
-def reach_guard(limits: JointLimits = FR3) -> ReachGuard:
+def reach_guard(limits=FR3) -> ReachGuard:
     return ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS, limits)
 
 

@@ -64,7 +64,7 @@ def test_nothing_moves_without_the_cell_s_name(
     file = configs / "cell.yaml"
     file.write_text(file.read_text().replace(NOWHERE, robot))
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.stdin", io.StringIO("yes\n"))
+    monkeypatch.setattr("sys.stdin", io.StringIO("Twin-Cell\n"))
     monkeypatch.setattr("cell.setup.doctor.doctor.checks", lambda *_: iter(()))
     monkeypatch.setattr("cell.setup.doctor.doctor._robot_checks", lambda *_: iter(()))
     assert run(monkeypatch, words, "--configs", configs) == 3

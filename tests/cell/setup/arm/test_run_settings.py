@@ -3,8 +3,7 @@
 import pytest
 
 from cell.base.config.drivers import Driver
-from cell.setup.arm.run_settings import consent, slow_down
-from drivers.base.errors import PreflightRefused
+from cell.setup.arm.run_settings import slow_down
 from tests.support.requests import CELL
 
 
@@ -27,14 +26,6 @@ def test_arm_of_a_plug_in_is_real_unless_it_says_otherwise(monkeypatch, real) ->
     monkeypatch.setattr(type(CELL), "arm_driver", Driver("own:arm", real=real))
     for address in (None, "127.77.0.1", "172.16.0.2"):
         assert at(address).has_real_arm is real
-
-
-@pytest.mark.parametrize("typed", ["", "yes", "Twin-Cell"])
-def test_nothing_moves_until_the_cell_s_name_is_typed(typed) -> None:
-    with pytest.raises(PreflightRefused, match=CELL.name):
-        consent(at("172.16.0.2"), lambda _: typed, ())
-    assert consent(at("172.16.0.2"), lambda _: f"{CELL.name}\n", ())
-    assert not consent(at(None), lambda _: pytest.fail("asked"), ())
 
 
 def test_first_runs_go_at_a_tenth_of_the_speed_and_have_the_time_for_it() -> None:
