@@ -72,8 +72,8 @@ class Lens:
         points = np.asarray(pixels, dtype=np.float64).reshape(-1, 1, 2)
         if len(points) == 0:
             return points.reshape(0, 2)
-        ideal = cv2.undistortPoints(
-            points, self.matrix, self.distortion, P=self.matrix, criteria=CRITERIA
+        ideal = cv2.undistortImagePoints(
+            points, self.matrix, self.distortion, arg1=CRITERIA
         )
         return np.asarray(ideal, dtype=np.float64).reshape(-1, 2)
 

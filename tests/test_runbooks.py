@@ -70,6 +70,8 @@ ELSEWHERE = {  # what other tests run, with other files and numbers
     "cell fold --strip denim --plant moved.yaml": ("tests/cell/setup/test_wizards.py"),
     "cell fold --strip denim --arm fci": "tests/end_to_end/test_arm_faults.py",
     "cell fold --strip denim --policy feedback": "tests/end_to_end/test_fold_whole.py",
+    "cell fold --strip denim --policy imitated": ".ci/judges/taught.py",
+    "cell export": ".ci/judges/taught.py",
     "cell benchmark": "tests/cell/studies",
     "cell train": "tests/cell/studies",
     "cell twin serve": "tests/cell/interface/cli/test_twin_command.py",

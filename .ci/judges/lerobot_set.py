@@ -4,7 +4,7 @@ writes one.
     python .ci/judges/lerobot_set.py LOADER SET OURS
 
 LOADER is the folder in which LeRobot was installed. Writes `OURS/lerobot`, a set of
-the gripper's path.
+the gripper's path, and `OURS/robot/set`, one of the arm's episodes there.
 """
 
 import sys
@@ -79,20 +79,17 @@ def train(config: object, steps: dict[str, list[int]]) -> None:
     print(f"{type(policy).__name__}: loss {loss.item():.3f}")
 
 
-def write() -> None:
-    """The gripper's path in two episodes, by LeRobot's own writer."""
-    vector = {"dtype": "float32", "shape": (2,), "names": ["along.pos", "up.pos"]}
+def write(place: Path, rate: int, names: list[str], episodes: list[dict]) -> None:
+    """Episodes, each with vectors (n, 2) by feature, by LeRobot's own writer."""
+    vector = {"dtype": "float32", "shape": (2,), "names": names}
+    features = dict.fromkeys(episodes[0], vector)
     data = LeRobotDataset.create(
-        "own/path",
-        100,
-        {"observation.state": vector, "action": vector},
-        root=OURS / "lerobot",
-        use_videos=False,
+        "own/set", rate, features, root=place, use_videos=False
     )
-    for _ in range(2):
-        for _, x, z in np.load(OURS / "path.npy").T:
-            at = np.array([x, z], np.float32)
-            data.add_frame({"observation.state": at, "action": at, "task": "fold"})
+    for episode in episodes:
+        for rows in zip(*episode.values(), strict=True):
+            frame = dict(zip(episode, np.array(rows, np.float32), strict=True))
+            data.add_frame({**frame, "task": "fold"})
         data.save_episode()
     data.finalize()
 
@@ -104,4 +101,12 @@ seen = ("observation.state", "observation.images.camera")
 two = {key: [-1, 0] for key in seen}
 diffusion = DiffusionConfig(horizon=16, n_action_steps=8, **small)
 train(diffusion, {**two, "action": [*range(-1, 15)]})
-write()
+path = np.load(OURS / "path.npy")[1:].T
+moved = {"observation.state": path, "action": path}
+write(OURS / "lerobot", 100, ["along.pos", "up.pos"], [moved, moved])
+robot = OURS / "robot"
+motions = [
+    {"observation.state": rows[:, :2], "observation.current": rows[:, 2:]}
+    for rows in np.load(robot / "episodes.npz").values()
+]
+write(robot / "set", 50, ["shoulder.pos", "elbow.pos"], motions)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from cell.gap.diagnosis.held_out_gap import fit_held_out, floor, sizes
+from cell.gap.fitting import Progress, quiet
 from cell.gap.fitting.model import Model
 from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
@@ -24,7 +25,7 @@ from cell.gap.verdict.fit_folder import (
     PatchFiles,
     read_record,
 )
-from cell.gap.verdict.schema import Verdict, fit_folder, read_verdict
+from cell.gap.verdict.schema import fit_folder, read_verdict
 from cell.setup.strips.export_strip import export_strips
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import lock_folders, new_folder, write_file
@@ -34,7 +35,7 @@ from drivers.base.yaml_text import dump_yaml
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry
 
-RANGES, RANGES_VERSION = "ranges.yaml", 1
+RANGES, RANGES_VERSION = "ranges.yaml", 2  # 1 named no subject
 APART = "values together: each range is that of one alone"
 
 
@@ -44,15 +45,15 @@ def export_fit(
     """Write what the fit in the folder `fit` found into the new folder `out`: its model
     as MJCF, or ranges of its values; returns what the files cannot say.
 
-    Raises ConfigurationError for a fit that is not whole, for a model where nothing was
-    named, and where `out` is there already.
+    Raises ConfigurationError for a fit that is not whole or of an older version, for a
+    model where nothing was named, and where `out` is there already.
     """
     with lock_folders([fit_folder(fit)]):
         record = read_record(fit)
         if kind == "ranges":
-            return _export_ranges(read_verdict(fit / VERDICT), fit, out)
+            return _export_ranges(record, fit, out)
         files = offered(fit, record)
-        if files.plain:
+        if files.model:
             return _export_mechanism(record, files, fit, out)
         effects = read_yaml(fit / files.cell)["effects"] if files.cell else ()
         of_cell = [registry()[name].sentence for name in effects]
@@ -63,9 +64,14 @@ def _export_mechanism(
     record: FitRecord, files: PatchFiles, fit: Path, out: Path
 ) -> dict[Path, tuple[str, ...]]:
     """Write the plain model of a mechanism, and the meshes that it names."""
-    text = read_text(fit / str(files.plain), LARGEST_MODEL)
-    file = load(fit / files.subject, MechanismFile)
     origin = Path(record.file)
+    if files.plain is None:
+        raise ConfigurationError(
+            f"{fit}: an older version fitted, without a model for MuJoCo alone; fit"
+            f" again: cell gap fit RUNS --model {origin} --out NEW"
+        )
+    text = read_text(fit / files.plain, LARGEST_MODEL)
+    file = load(fit / files.subject, MechanismFile)
     model = model_place(file, origin)
     source = with_assets(ModelSource(text, model.parent, origin.parent), f"{model}")
 
@@ -88,11 +94,12 @@ def _not_said(text: str) -> tuple[str, ...]:
 
 
 def _export_ranges(
-    verdict: Verdict, fit: Path, out: Path
+    record: FitRecord, fit: Path, out: Path
 ) -> dict[Path, tuple[str, ...]]:
     """Write the 95 % intervals of base and named effects; an end that is not known is
     null.
     """
+    verdict = read_verdict(fit / VERDICT)
     values = dict(verdict.base)
     for effect in verdict.effects:
         values |= {f"{effect.name}.{n}": v for n, v in effect.parameters.items()}
@@ -100,6 +107,7 @@ def _export_ranges(
         "format": "folding-cell ranges",
         "version": RANGES_VERSION,
         "fit": fit.resolve().name,
+        "subject": Path(record.file).name,
         "verdict": verdict.verdict,
         "not_said": [APART],
         "units": "SI where none is stated",
@@ -124,17 +132,26 @@ class ReplayedGap:
     not_said: Sequence[str]
 
 
-def replay(runs: Sequence[Path], file: Path, model: Path) -> ReplayedGap:
+def replay(
+    runs: Sequence[Path],
+    file: Path,
+    model: Path,
+    jobs: int = 1,
+    shown: Progress = quiet,
+) -> ReplayedGap:
     """Replay measured `runs` of the mechanism in `file` with its own model, and with
-    the MJCF `model` alone.
+    the MJCF `model` alone, `jobs` simulations at a time.
 
     Only the initial state of a run is fitted. Raises ConfigurationError for bad input.
     """
     folders = find_runs(runs)
-    stated = open_mechanism(file, folders)
-    plain = open_mechanism(file, folders, model=model)
+    stated = open_mechanism(file, folders, jobs)
+    plain = open_mechanism(file, folders, jobs, model=model)
+    shown("replay with the stated model", 0.0)
+    before = _gap(stated)
+    shown("replay with the other model", 0.5)
     return ReplayedGap(
-        before=_gap(stated),
+        before=before,
         after=_gap(plain),
         floor=floor(plain.runs, plain.scope.quantities),
         not_said=_not_said(read_text(model, LARGEST_MODEL)),

@@ -94,8 +94,10 @@ def _print_imported(made: Sequence[Path], out: Path, model: Path | None) -> None
     words = ("cell", "gap", "check", str(out), *of, "--out", f"{out}-check")
     advice = f"`{shlex.join(words)}`"
     if count == 1:
-        advice = f"import a second run into {out}, better ten: a verdict needs some"
-        advice = f"{advice} to test it"
+        advice = (
+            f"import a second run into {out}, better ten: a verdict needs some to test"
+            " it"
+        )
     if model is None:
         from cell.report.runs_page import write_imported
 
@@ -184,8 +186,8 @@ def _summary(folder: Path) -> str:
     from cell.record.files import SIGNALS
     from cell.record.run import read_run
 
-    if (folder / SIGNALS).is_file():
-        columns = read_table(folder / SIGNALS)
+    if (table := folder / SIGNALS).is_file():
+        columns = read_table(table)
         t = columns.pop("t")
         return f"{t[-1] - t[0]:.2f} s; {len(t)} rows of {', '.join(columns)}"
     run = read_run(folder)
@@ -240,10 +242,8 @@ def export_runs(
                     convert([run_folder(name) for name in runs], kind, out), ()
                 )
     for path, unsaid in made.items():
-        if as_json:
-            print_json({"file": path} | ({"not_said": unsaid} if unsaid else {}))
-        else:
-            print("\n  not said: ".join([str(path), *unsaid]))
+        facts = {"file": path} | ({"not_said": unsaid} if unsaid else {})
+        say(facts, "\n  not said: ".join([str(path), *unsaid]), as_json=as_json)
 
 
 def observe(
@@ -296,12 +296,15 @@ def observe(
     text = "no touch of the layers was seen"
     if found.touch is not None:
         displacement = round(found.touch.displacement, 6)
-        text = f"displacement {1e3 * found.touch.displacement:+.1f} mm"
+        text = f"displacement {1e3 * displacement:+.1f} mm"
     facts = {
         "run": folder,
         "images": found.images,
         "read": found.read,
         "displacement": displacement,
     }
-    text = f"{film}: {found.read} of {found.images} images read; {text}\n  {folder}"
-    say(facts, f"{text}\n  {folder / OVERLAY}", as_json=as_json)
+    text = (
+        f"{film}: {found.read} of {found.images} images read; {text}\n  {folder}\n"
+        f"  {folder / OVERLAY}"
+    )
+    say(facts, text, as_json=as_json)

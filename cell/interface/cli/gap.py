@@ -128,12 +128,10 @@ def plan(
 
         for i, request in enumerate(requests):
             name, shows = standard_run(request)
-            if as_json:
-                print_json(
-                    {"run": i, "name": name, "speed": request.speed, "shows": shows}
-                )
-            else:
-                print(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {shows}")
+            speed = request.speed
+            facts = {"run": i, "name": name, "speed": speed, "shows": shows}
+            text = f"{i:2d}  {name:15s} {speed:.2f} m/s  shows {shows}"
+            say(facts, text, as_json=as_json)
         return
     file = _subject_file(strip, model=None, configs=configs, subject=None)
     words = ("cell", "gap", "fit", folder, "--strip", file, "--out", f"{folder}-fit")
@@ -181,12 +179,11 @@ def _standard_runs(
     """Requests of the standard runs of `strip` into `folder`, the `plant` on the desk
     if given.
     """
-    plant_file = None if plant is None else found.plant_path(plant)
     from cell.base.devices.devices import Trial
     from cell.folding.request import RecordingOptions, Request, standard_requests
     from drivers.strip.describe import load_plant
 
-    desk = None if plant_file is None else load_plant(plant_file)
+    desk = None if plant is None else load_plant(found.plant_path(plant))
     record = RecordingOptions(truth=truth)
     trial = Trial(desk, seed)
     base = Request(
@@ -327,12 +324,10 @@ def fit(
     )
     with working("reading", quiet=0.0) as shown:
         verdict = fit_runs(runs, file, out, options, shown, write_overlay)
-    if as_json:
-        print_json(json.loads(verdict.to_json()))
-        return
     files = [f"  {out / name}" for name in ("report.html", "overlay.rrd")]
     deviations = [deviation_text(verdict.deviates)] if verdict.deviates else []
-    print("\n".join([*deviations, str(verdict), *files, f"next: {verdict.next}"]))
+    text = "\n".join([*deviations, str(verdict), *files, f"next: {verdict.next}"])
+    say(json.loads(verdict.to_json()), text, as_json=as_json)
 
 
 @gap.command()
@@ -365,12 +360,10 @@ def check(
         checked = check_runs(runs, file, _threads(jobs), shown)
     write_file(out / "check.json", checked.to_json())
     folders = [run.path for run in find_runs(runs)]
-    drawn = [] if strip is None else drawings(folders)
+    drawn = drawings(folders) if strip else []
     write_file(out / "check.html", check_page(checked, file.stem, drawn))
-    if as_json:
-        print_json(json.loads(checked.to_json()))
-    else:
-        print(f"{checked}\n  {out / 'check.html'}")
+    text = f"{checked}\n  {out / 'check.html'}"
+    say(json.loads(checked.to_json()), text, as_json=as_json)
     sys.exit(ConfigurationError.exit_code if checked.level == "bad" else 0)
 
 
@@ -447,6 +440,7 @@ def replay(
             "--mjcf", help="The model that is compared with that of the file."
         ),
     ],
+    jobs: Jobs = None,
     as_json: Json = False,
 ) -> None:
     """Replay runs of a mechanism with its model, and with another that is loaded
@@ -454,7 +448,8 @@ def replay(
     """
     from cell.interface.handover import replay as replay_runs
 
-    found = replay_runs(runs, model, mjcf)
+    with working("reading", quiet=0.0) as shown:
+        found = replay_runs(runs, model, mjcf, _threads(jobs), shown)
     if as_json:
         print_json(asdict(found))
         return

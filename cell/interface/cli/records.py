@@ -311,13 +311,10 @@ def replay(run: Run, as_json: Json = False) -> None:
         from cell.folding.replay import replay as decide_again
 
         result = decide_again(run)
-    if as_json:
-        print_json({"run": run, **asdict(result)})
-    else:
-        text = "the same" if result.same else f"{len(result.differences)} differences"
-        print(f"{result.images} images, {result.decisions} decisions: {text}")
-        for line in result.differences:
-            print(f"  {line}")
+    text = "the same" if result.same else f"{len(result.differences)} differences"
+    text = f"{result.images} images, {result.decisions} decisions: {text}"
+    text = "\n  ".join([text, *result.differences])
+    say({"run": run, **asdict(result)}, text, as_json=as_json)
     sys.exit(not result.same)
 
 

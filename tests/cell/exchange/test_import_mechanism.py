@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
-import pyarrow.parquet as pq
 import pytest
 import yaml
 from mcap.writer import Writer
@@ -36,9 +35,8 @@ def write(kind: str, logs: list[Mapping[str, Array]], place: Path) -> list[Path]
     paths = [place / f"{i:02d}.{kind}" for i in range(len(logs))]
     for path, log in zip(paths, logs, strict=True):
         if kind != "mcap":
-            write_table = pc.write_csv if kind == "csv" else pq.write_table
             named = {FOREIGN[name][0]: log[name] for name in FOREIGN}
-            write_table(pa.table(named), path)
+            pc.write_csv(pa.table(named), path)
             continue
         with path.open("wb") as file:
             writer = Writer(file)
@@ -55,7 +53,6 @@ def write(kind: str, logs: list[Mapping[str, Array]], place: Path) -> list[Path]
     ("kind", "file"),
     [
         ("csv", "*.csv"),
-        ("parquet", "*.parquet"),
         ("mcap", "/joints"),
     ],
 )

@@ -64,13 +64,21 @@ def test_a_mesh_that_changed_since_the_fit_is_not_handed_on(fit: Path) -> None:
         export_fit(fit, "mjcf", fit / "out")
 
 
+def test_a_fit_of_an_older_version_says_how_to_fit_again(fit: Path) -> None:
+    write_fit(fit, fit.parent / "arm.yaml", "accept", {"subject": "", "model": ""})
+    with refusal(r"fit again: cell gap fit RUNS --model .*arm.yaml --out NEW"):
+        export_fit(fit, "mjcf", fit / "out")
+
+
 def test_replayed_runs_show_the_gap_before_and_after_and_what_is_not_said(
     fit: Path,
 ) -> None:
     [model] = export_fit(fit, "mjcf", fit / "out")
     runs, file = fit.parent / "runs", fit.parent / "arm.yaml"
-    words = f"gap replay {runs} --model {file} --mjcf {model} --json"
-    found = json.loads(invoke(words).stdout)
+    words = f"gap replay {runs} --model {file} --mjcf {model} --jobs 1 --json"
+    done = invoke(words)
+    assert "replay with the other model  50 %" in done.stderr
+    found = json.loads(done.stdout)
     for key, noise in found["floor"].items():
         assert found["after"][key] < noise < 0.03 < found["before"][key]
     _, last = found["not_said"]
@@ -99,7 +107,7 @@ def test_ranges_are_the_intervals_of_base_and_effects_with_their_units(
     made = Fitted(tmp_path / "fit")
     write_fit(made.out, made.file, made.kind, made.contents, verdict)
     [path] = export_fit(made.out, "ranges", tmp_path / "out")
-    found = {
-        row.pop("parameter"): row for row in yaml.safe_load(path.read_text())["ranges"]
-    }
+    content = yaml.safe_load(path.read_text())
+    assert content["subject"] == "denim.yaml"
+    found = {row.pop("parameter"): row for row in content["ranges"]}
     assert found == {"length": base.model_dump(), "friction.slip": slip.model_dump()}
