@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cell.gap.diagnosis.lack_of_fit import Repeats, ResidualTest
 from cell.gap.fitting import CountedSimulation, run_one
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import FitEstimate, refit
@@ -164,10 +163,6 @@ def fitted(subject: Curves, names: Sequence[str] = ()) -> FitEstimate:
     model = Model(scope.base, tuple(c for c in scope.candidates if c.name in names))
     start = stated(runs, starts(model.parameters))
     return run_one(subject.simulate, refit(model, runs, start))
-
-
-def repeats_of(estimate: FitEstimate) -> Repeats:
-    return ResidualTest.of(estimate, np.random.default_rng(0)).repeats
 
 
 def hidden(law: Law, size: float) -> Law:

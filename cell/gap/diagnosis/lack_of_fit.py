@@ -7,10 +7,11 @@ N is the number of samples of all runs, stacked run by run.
 from collections import defaultdict
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 from scipy import special
+from scipy.stats import rankdata
 
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.base_fit import projection
@@ -53,9 +54,9 @@ class Repeats(NamedTuple):
     p: float = 1.0
 
     @classmethod
-    def of(cls, estimate: FitEstimate, noise: Array) -> Self:
+    def of(cls, estimate: FitEstimate) -> Self:
         """Compare the repeated runs of `estimate`, and test whether base parameters
-        drift from run to run; `noise` (N, draws) are residuals that noise alone leaves.
+        drift from run to run.
 
         Likelihood ratio (Wilks 1938) of each parameter linear in the index, all at
         once, in units of the scatter between repeats that is left then. Only repeats
@@ -63,7 +64,7 @@ class Repeats(NamedTuple):
         same in all of them.
         """
         runs = estimate.runs
-        scatter = _pure_error(estimate, estimate.stacked_residuals, noise)
+        scatter = _pure_error(estimate, estimate.residuals)
         later = _relative_index(runs)
         if not later.any():
             return cls(scatter, scatter)
@@ -78,7 +79,7 @@ class Repeats(NamedTuple):
         free = np.full(count, np.inf)
         rates = form.bounded_step(-free, free)
         corrected = (about.residual + about.unabsorbed(columns) @ rates) / about.weight
-        inflation = _pure_error(estimate, corrected, noise, spent=count)
+        inflation = _pure_error(estimate, estimate.by_run(corrected), spent=count)
         unit = max([1.0, *(v / estimate.scale for v in inflation.values())]) ** 2
         p = special.chdtrc(count, 2.0 * form.decrease(rates) / unit)
         return cls(
@@ -104,45 +105,48 @@ class Repeats(NamedTuple):
 
 
 def _pure_error(
-    estimate: FitEstimate, residuals: Array, noise: Array, spent: int = 0
+    estimate: FitEstimate, residuals: Sequence[Array], spent: int = 0
 ) -> dict[str, float]:
     """Factor (>= 1) on the noise of each channel that explains the scatter between
     repeats.
 
-    `residuals` (N,) and `noise` (N, draws) are those of the runs of `estimate`; `spent`
-    degrees of freedom went into the first. Squares between runs of one condition over
-    those that noise leaves there once each run's own unknowns took their part, accepted
-    where their chi-square probability is below ALPHA (Draper and Smith, Applied
-    Regression Analysis, lack of fit and pure error).
+    `residuals` (n,) by run of the runs of `estimate`; `spent` degrees of freedom went
+    into them. Variance of bin means between runs of one condition over what the noise
+    explains, accepted where its chi-square probability is below ALPHA (Draper and
+    Smith, Applied Regression Analysis, lack of fit and pure error).
     """
-    both = np.column_stack([residuals, noise])
+    squares: dict[str, float] = defaultdict(float)
+    freedom: dict[str, int] = defaultdict(int)
+    for channel, (mean, count) in _repeated_bins(estimate, residuals):
+        about = mean - np.average(mean, weights=count)
+        squares[channel] += count @ about**2
+        freedom[channel] += len(mean) - 1
+
     factors = {}
-    for channel, (square, *drawn) in _squares_between(estimate, both).items():
-        freedom = max(1.0, np.mean(drawn) - spent)
-        excess = special.chdtrc(freedom, square) < ALPHA
-        factors[channel] = max(1.0, np.sqrt(square / freedom)) if excess else 1.0
+    for channel, square in squares.items():
+        left = max(1, freedom[channel] - spent)
+        excess = special.chdtrc(left, square) < ALPHA
+        factors[channel] = max(1.0, np.sqrt(square / left)) if excess else 1.0
     return factors
 
 
-def _squares_between(estimate: FitEstimate, residuals: Array) -> dict[str, Any]:
-    """Squares (k,), by channel, of mean `residuals` (N, k) in time bins about their
-    mean over repeated runs.
+def _repeated_bins(
+    estimate: FitEstimate, residuals: Sequence[Array]
+) -> Iterator[tuple[str, Array]]:
+    """Yield the channel, and the mean residuals and sample counts (2, k), of each time
+    bin that k > 1 repeated runs share.
     """
-    bins: dict[tuple[Place, int], list[tuple[Array, int]]] = defaultdict(list)
-    for run, r in zip(estimate.runs, estimate.by_run(residuals), strict=True):
+    bins: dict[tuple[Place, int], list[tuple[float, int]]] = defaultdict(list)
+    for run, r in zip(estimate.runs, residuals, strict=True):
         times = (run.samples.t / BIN_TIME).astype(int)
         members = _rows_by(zip(_places(run), times, strict=True))
         for time_bin, rows in members.items():
-            bins[time_bin].append((r[rows].mean(axis=0), len(rows)))
+            bins[time_bin].append((r[rows].mean(), len(rows)))
 
-    squares: dict[str, Any] = defaultdict(float)
     for (place, _), by_run in bins.items():
         if len(by_run) > 1:
             channel, *_ = place
-            means, counts = zip(*by_run, strict=True)
-            about = means - np.average(means, axis=0, weights=counts)
-            squares[channel] += counts @ about**2
-    return squares
+            yield channel, np.array(by_run).T
 
 
 def _relative_index(runs: Sequence[FitRun]) -> Array:
@@ -223,17 +227,17 @@ class ResidualTest(NamedTuple):
     @classmethod
     def of(cls, estimate: FitEstimate, rng: np.random.Generator) -> Self:
         """Test of the residuals of `estimate`, with noise drawn from `rng`."""
-        noise = _draw_residuals(estimate, rng)
-        repeats = Repeats.of(estimate, noise)
+        repeats = Repeats.of(estimate)
         channels = [str(c) for run in estimate.runs for c in run.samples.channel]
         allowed = np.array(
             [repeats.inflation.get(channel, 1.0) for channel in channels]
         )
-        noise = _draw_residuals(estimate, rng)
-        repeats = Repeats.of(estimate, noise)
-        channels = [str(c) for run in estimate.runs for c in run.samples.channel]
-        allowed = np.array([repeats.inflation.get(c, 1.0) for c in channels])
-        return cls(estimate, repeats, noise, allowed)
+        return cls(
+            estimate=estimate,
+            repeats=repeats,
+            noise=_draw_residuals(estimate, rng),
+            allowed=allowed,
+        )
 
     @property
     def bins(self) -> dict[Place, list[int]]:
@@ -461,8 +465,6 @@ def _ranks(values: Array) -> Array:
     """Ranks within each column of `values` (n, k), centred on zero and scaled to unit
     length.
     """
-    from scipy.stats import rankdata  # takes half a second, which no check waits for
-
     ranks: Array = rankdata(values, axis=0) - 0.5 * (len(values) + 1)
     ranks /= np.linalg.norm(ranks, axis=0)
     return ranks

@@ -30,7 +30,6 @@ LEAST_POWER = 1e-12  # squared norm of a whitened response; a smaller one is rou
 DEAD = 1e-6  # largest whitened response of an effect that changes nothing
 # Limits of linear extrapolation from probes, set by hand.
 FARTHEST = 3.0  # times a stated probe, to which it is scaled
-CLEARLY = 1.000001  # times a gain, up to which another one is rounding
 LEAST_SHARE = 0.3  # of the gain of the best mix, of an unscaled probe that is a start
 # times the response per amount farther off, below which an effect has a threshold
 STEEP = 0.3
@@ -302,8 +301,7 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
     probe_gain = 0.0
     for choice in np.ndindex(*(len(member.groups) for member in members)):
         mix, gain, values = _best_mix(equations, members, choice)
-        # where a response is linear all groups gain alike: steps from null lead
-        if mix.gain > CLEARLY * best.gain:
+        if mix.gain > best.gain:
             best = mix
             values_at_best = values
         # group 0 holds steps, which are no probes
