@@ -83,8 +83,8 @@ def tangents(path: Path, travel: Array) -> Array:
 
 
 class PathPolicy:
-    """Policy that follows a path known before the fold: `path(length)` for a strip's
-    length [m].
+    """Policy that follows a path known before the fold, which `path(length)` returns
+    for a strip's length [m].
     """
 
     def __init__(self, name: str, path: Callable[[float], Path]) -> None:

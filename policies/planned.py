@@ -47,8 +47,8 @@ class RaisedTriangles:
         self.rises = rises
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Start at the beginning of the paths; ValueError unless `count` is their
-        number.
+        """Start all grippers at the beginning of their paths; ValueError unless `count`
+        is the number of paths.
         """
         rises = self.rises
         if count != len(rises):
@@ -95,12 +95,12 @@ class Planned(RaisedTriangles):
         self._known: tuple[tuple[StripFile, ...], float, float] | None = None
 
     def correct(self, bias: float) -> None:
-        """Correct the aim by a `bias` [m]: measured less simulated d."""
+        """Shift the aim by `bias` [m], the measured less the simulated displacement."""
         self._aim = -bias
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Plan for `strip` at `speed` [m/s], unless already planned; or
-        ConfigurationError.
+        """Plan for `strip` at `speed` [m/s], unless already planned; raises
+        ConfigurationError where no plan succeeds.
         """
         asked = (self._strips or (strip,), speed, self._aim)
         if asked != self._known:
@@ -179,8 +179,8 @@ def _displacements(strips: Sequence[StripFile], speed: float, steps: Array) -> A
 
 
 def _interpolate_zeros(steps: Array, d: Array) -> Array:
-    """Rises (n,) at which displacements `d` (n, m) of rises `steps` (n, m) cross
-    zero.
+    """Rises (n,), in units of `steps` (n, m), at which the displacements `d` (n, m) of
+    n strips cross zero.
     """
     zeros = []
     for row, rises in zip(d, steps, strict=True):

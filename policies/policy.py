@@ -119,7 +119,7 @@ class Policy(Protocol):
 
 
 class AtLine:
-    """Policy that folds strips along a `line`, by a `policy` for half folds.
+    """Policy that folds strips along `line`, using a `policy` made for half folds.
 
     That one sees the part of the strip that is folded, as if its fixed edge lay at
     x = 0.
@@ -132,7 +132,9 @@ class AtLine:
         self._shift = np.array([line.goal, 0.0])
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Clear all state; raises ConfigurationError for a part that is not folded."""
+        """Clear all state and prepare for `strip`; raises ConfigurationError where its
+        folded part cannot be folded in half.
+        """
         try:
             self._policy.reset(folded_part(strip, self._line), speed, count)
         except ConfigurationError as error:
@@ -158,18 +160,24 @@ class AtLine:
         )
 
     def prediction(self) -> FoldPrediction | None:
-        """Prediction of the policy, relative to the line; None if it makes none."""
+        """Prediction of the fold's displacement, relative to the line's goal; None
+        where the policy makes none.
+        """
         policy = self._policy
         return policy.prediction() if isinstance(policy, Predictor) else None
 
 
 def at_line(policy: Policy, line: FoldLine) -> Policy:
-    """Policy that folds along `line` as `policy` folds in half; itself for a half."""
+    """Policy that folds along `line` as `policy` folds in half; `policy` itself where
+    `line` is the middle.
+    """
     return policy if line.is_half else AtLine(policy, line)
 
 
 def folded_part(strip: StripFile, line: FoldLine) -> StripFile:
-    """Copy of `strip` cut at the goal of `line`, its effects at their new positions."""
+    """Copy of `strip` without the part that is not folded, its effects at their
+    positions in the copy.
+    """
     effects = {}
     for name, parameters in strip.effects.items():
         position = parameters.get("position", line.length) - line.goal

@@ -37,7 +37,7 @@ PLAIN = PlotStyle()
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Registered policy: its factory `make`, called with a checkpoint or None, its
+    """Registered policy: the factory `make`, which takes a checkpoint or None, and its
     `rank` in lists.
 
     A `learned` policy has weights that a checkpoint replaces. `in_rod` is the factory

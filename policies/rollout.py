@@ -34,7 +34,8 @@ class MultiStepper(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Rollout:
-    """Settings of simulated folds: speed [m/s], rate of decisions [Hz], sensing.
+    """Settings of simulated folds: gripper speed [m/s], rate of decisions [Hz], noise
+    of measurements.
 
     Between decisions the engine makes `substeps` steps; a fold without a touch is given
     up after a travel of `patience` times the strip's length. Policies that read no
@@ -77,8 +78,8 @@ class Folds:
 
 @dataclass(frozen=True, slots=True)
 class Misses:
-    """Statistics of the size |d| of displacements [m], NaN of none; number of folds
-    `untouched`.
+    """Statistics of the size |d| of displacements [m], NaN where there are none, and
+    the number of folds without a touch.
     """
 
     mean: float
@@ -139,7 +140,9 @@ def roll_out(
 
 
 class _Loop:
-    """Closed loop of grippers and strips: advances their state between decisions."""
+    """Closed loop of n grippers and strips, which advances their state between two
+    decisions of a policy.
+    """
 
     def __init__(
         self, engine: Stepper, settings: Rollout, camera: SimulatedCamera, count: int

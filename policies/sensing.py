@@ -21,8 +21,8 @@ STATE_SIZE = 3
 
 @dataclass(frozen=True, slots=True)
 class Sensing:
-    """Noise model of measurements in images; lengths [m], times [s], one standard
-    deviation.
+    """Noise model of measurements in images; lengths in metres, times in seconds, noise
+    as one standard deviation.
 
     Drawn for each image: noise of desk_contact, of the tip's x (and z, where
     `tip_z_sigma` differs), of each point of the profile; in a fraction `wild` of images

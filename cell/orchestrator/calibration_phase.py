@@ -36,7 +36,9 @@ STEP_REST = 0.3  # s at rest after a step of the latency measurement
 def begin_calibration(
     _given: CalibrationInputs, _log: CalibrationLog, _: Recorder, _begin: Snapshot
 ) -> steps.Phase:
-    """Start the calibration at once, as there is no strip to check beforehand."""
+    """Begin the calibration without a preflight, as no strip lies on the desk that
+    could be checked.
+    """
     yield from steps.pause(0.0)
     return Trigger.NEEDS_CALIBRATION
 
@@ -44,8 +46,8 @@ def begin_calibration(
 def calibrate(
     given: CalibrationInputs, log: CalibrationLog, record: Recorder, begin: Snapshot
 ) -> steps.Phase:
-    """Touch all points; where a homography is fitted, measure latency and landmarks
-    too.
+    """Touch all calibration points; where a homography is to be fitted, measure the
+    camera's latency and store landmarks too.
     """
     points = given.points
     first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
@@ -123,8 +125,8 @@ def _measure_latency(given: CalibrationInputs, told: LatencySteps) -> Doing:
 
 
 def _announced(given: CalibrationInputs, stage: str, pose: Pose, why: str) -> Progress:
-    """Message that the arm goes to `pose` after all touches, at which `stage` and
-    `why`.
+    """Message for the calibration's observers that the arm goes to `pose`, in which
+    `stage` and for which reason `why`.
     """
     progress = given.points.progress()
     return replace(
@@ -150,8 +152,8 @@ def _step(latency_steps: LatencySteps, pose: Pose) -> Doing:
 def _take_landmarks(
     given: CalibrationInputs, log: CalibrationLog, plane_map: PlaneMap
 ) -> Doing:
-    """Store landmarks from an image of the empty hand; none where no finger tip is
-    visible.
+    """Store landmarks from an image of the empty hand; store none where no finger tip
+    is visible in it.
     """
     pose = given.settings.landmarks.pose
     why = "the empty hand here shows later whether the camera moved"

@@ -42,7 +42,9 @@ class Inputs:
 
     @property
     def desk_end(self) -> float:
-        """Position x [m] of the desk's end: as given, else that of the installation."""
+        """Position x [m] of the desk's end: `desk` where it is given, else the one that
+        the installation states.
+        """
         if self.desk is not None:
             return self.desk
         return desk_end(self.settings.installation)
@@ -50,7 +52,7 @@ class Inputs:
 
 @dataclass(slots=True)
 class Log(ABC):
-    """Base class of what one run found, empty at first.
+    """Base class of what one run has found; all fields are empty at its start.
 
     `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] that of the laid
     edges as the camera sees it, `predicted` the policy's latest prediction;
@@ -71,7 +73,7 @@ class Log(ABC):
 
 @dataclass(frozen=True, slots=True)
 class FoldInputs(Inputs):
-    """What a fold is given: strip, policy, calibration, and how it is to end.
+    """Inputs of a fold: strip, policy, calibration, and how the fold is to end.
 
     `reader` checks the image of the strip before the grasp, and measures images from
     then on. The `desk` ends at 0 for an arm without a hand. `expected` are the
@@ -91,7 +93,7 @@ class FoldInputs(Inputs):
 
 @dataclass(slots=True)
 class FoldLog(Log):
-    """What a fold found; whether the strip was `released`, and the preflight's
+    """Findings of a fold: whether the strip was `released`, and the preflight's
     `warning` for the operator.
 
     Of the pushes of the laid edge its bent layer took up `bent` [m], by the camera.
@@ -104,8 +106,8 @@ class FoldLog(Log):
     def check_displacement(
         self, touch: SeenTouch, expected: tuple[float, float] | None
     ) -> None:
-        """Compare the displacement at `touch` with that predicted by the policy, else
-        `expected` by the model.
+        """Compare the displacement measured at `touch` with the policy's prediction or,
+        without one, with `expected`.
         """
         predicted = self.predicted
         if predicted is not None:
@@ -117,8 +119,8 @@ class FoldLog(Log):
             self.witnesses.append(LengthCheck("displacement", difference, sigma))
 
     def completion(self) -> Outcome:
-        """Outcome of the fold, exit code 0 where the layers touched and lengths
-        agree.
+        """Outcome of the fold; its exit code is 0 where the layers touched and all
+        compared lengths agree.
         """
         if self.seen_touch is None:
             return Outcome("path_done", "the path ended and no touch was seen", 1)
@@ -137,8 +139,8 @@ class FoldLog(Log):
 
 @dataclass(frozen=True, slots=True)
 class CalibrationInputs(Inputs):
-    """What a homography calibration is given: `points` to touch, who answers and
-    watches.
+    """Inputs of a homography calibration: the `points` to touch, who answers its
+    questions, and who watches it.
 
     The `operator` is asked before the arm moves, `watch` receives its progress; on the
     twin its `aids` hold the pointer. Only a run that `remembers` leaves landmarks.
@@ -154,28 +156,34 @@ class CalibrationInputs(Inputs):
 
 @dataclass(slots=True)
 class CalibrationLog(Log):
-    """What a homography calibration found beside its points: `steps` of the arm,
-    landmarks.
+    """Findings of a homography calibration besides its points: the arm's `steps`, and
+    the landmarks.
     """
 
     steps: LatencySteps = field(default_factory=LatencySteps)
     landmarks: Landmarks | None = None
 
     def completion(self) -> Outcome:
-        """Outcome `calibrated`: all points were touched."""
+        """Outcome `calibrated` with exit code 0, which states that all points were
+        touched.
+        """
         return Outcome("calibrated", "all points were touched", 0)
 
 
 @dataclass(frozen=True, slots=True)
 class ManualInputs(Inputs):
-    """What a manual motion is given: the generator `motion` of its commands."""
+    """Inputs of a manual motion: `motion`, a function that returns the generator of its
+    commands.
+    """
 
     motion: Callable[[Snapshot], Motion]
 
 
 @dataclass(slots=True)
 class ManualLog(Log):
-    """Final pose `end` of a manual motion."""
+    """Findings of a manual motion: the gripper's pose at its `end`, None until it has
+    ended.
+    """
 
     end: Pose | None = None
 

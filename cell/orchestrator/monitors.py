@@ -162,8 +162,8 @@ def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _too_thick(snapshot: Snapshot, _: Rules) -> str | None:
-    """Reason to stop where the layers rest with a gap, as of a strip thicker than
-    stated.
+    """Reason to stop where the layers rest without touching, as a strip thicker than
+    stated does.
     """
     resting = snapshot.view.resting
     if not resting > 0:
@@ -272,7 +272,9 @@ def _state_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _awaited(snapshot: Snapshot) -> str:
-    """What has yet to come to rest, or to arrive, before the run goes on."""
+    """Text on what the run still waits for: the arm, the fingers, or an image and its
+    measurement.
+    """
     arm = snapshot.arm
     pose, commanded = arm.pose, arm.commanded
     if arm.moving:
@@ -324,8 +326,8 @@ MONITORS: tuple[Monitor, ...] = (
 
 
 def is_outcome(name: str) -> bool:
-    """Whether `name` is an outcome: that of a run that ended by itself, or a fault's
-    name.
+    """Whether `name` is that of an outcome: of a run that ended by itself, or of a
+    fault.
     """
     return (
         name in OUTCOMES

@@ -34,12 +34,12 @@ class Question:
 
 
 class Operator(Protocol):
-    """Protocol of an operator, whom a run asks on each tick while its monitors stay
-    active.
+    """Protocol of an operator, who is asked on each tick of a run while its monitors
+    stay active.
     """
 
     def answer(self, question: Question) -> Answer | None:
-        """Answer to `question`; None while the operator has not answered."""
+        """Answer to `question`; None as long as the operator has not answered."""
 
 
 class Unattended:
@@ -57,8 +57,8 @@ class Interrupted(CellError):
 
 
 class Interrupt:
-    """Context manager: the first signal of SIGNALS requests a stop, a later one
-    interrupts.
+    """Context manager that lets the first signal of SIGNALS request a stop and any
+    later one raise KeyboardInterrupt.
     """
 
     def __init__(self) -> None:
@@ -77,7 +77,7 @@ class Interrupt:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Restore the signal handlers from before the block."""
+        """Restore the signal handlers that were installed before the block."""
         for number, before in self._before.items():
             signal.signal(number, before)
 

@@ -37,8 +37,8 @@ class Outcome:
 
     @classmethod
     def from_error(cls, error: Exception) -> Self:
-        """Outcome, without a measurement, of an exception; unexpected ones are
-        `internal_error`.
+        """Outcome, without a measurement, for the exception `error`; an unexpected
+        exception gives `internal_error`.
         """
         if isinstance(error, Fault):
             return cls(error.name, error.reason, error.exit_code)
@@ -49,8 +49,8 @@ class Outcome:
         )
 
     def overridden_by(self, later: "Outcome") -> Self:
-        """Outcome with name and reason of the failure `later`, and the higher exit
-        code.
+        """Copy of the outcome with name and reason of the failure `later`, and the
+        higher of both exit codes.
         """
         if self.name == later.name:
             return self

@@ -77,7 +77,9 @@ def preflight(
 def _inspect(
     reader: Reader, picture: steps.StillPicture
 ) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
-    """Checks of the image before the grasp; Fault `image_reader_dead` if it failed."""
+    """Results of the preflight's checks of a `picture`; raises Fault
+    `image_reader_dead` where the reader has failed.
+    """
     reader.submit(ImageTask(picture.frame), picture.time)
     while not isinstance(checks := reader.result(), tuple):
         if reader.failure:
@@ -89,7 +91,9 @@ def _inspect(
 def grasp(
     given: FoldInputs, _log: FoldLog, _record: Recorder, _begin: Snapshot
 ) -> steps.Phase:
-    """Approach the free edge from beyond and grasp it; raises Fault if it is missed."""
+    """Move to the strip's free edge from beyond it and grasp it; raises Fault where the
+    fingers miss it.
+    """
     yield from steps.open_hand()
     for pose in fold_path.approach_poses(given.strip.length, given.settings.fold)[1:]:
         yield from steps.move(pose)
@@ -153,8 +157,8 @@ def wait_until_still(longest: float, record: Recorder) -> steps.Motion:
 
 
 class Swing:
-    """Motion of a hanging strip: distance [m] that its profile's mean moves in
-    COMPARED_TIME.
+    """Motion of a hanging strip: the distance [m] that the mean point of its profile
+    moves within COMPARED_TIME.
     """
 
     def __init__(self) -> None:
@@ -186,7 +190,9 @@ class Swing:
         self.moved = self._travel() if enough else nan
 
     def _travel(self) -> float:
-        """Largest distance [m] of the running mean from the kept images' mean."""
+        """Largest distance [m] between the moving average of the profile's mean point
+        and its mean over all kept images.
+        """
         means = np.array([mean for _, mean in self._means])
         offsets = moving_average(means, AVERAGED_IMAGES) - means.mean(axis=0)
         return float(np.linalg.norm(offsets, axis=1).max())
@@ -222,7 +228,9 @@ def fold(
 
 
 def _read_since(snapshot: Snapshot, begin: float) -> StripMeasurement | None:
-    """Measurement that was read at `snapshot`, of an image not before `begin` [s]."""
+    """Strip measurement that became available in `snapshot`; None without a new one, or
+    for an image older than `begin` [s].
+    """
     seen = snapshot.view.measurement if snapshot.view.read else None
     return None if seen is None or seen.stamp < begin else seen
 
@@ -249,8 +257,8 @@ def _record_decision(
 def _record_prediction(
     policy: Policy, log: FoldLog, record: Recorder, snapshot: Snapshot
 ) -> None:
-    """Record the policy's prediction, and an event where it loses or regains its
-    images.
+    """Record the policy's prediction, and an event where the policy loses or regains
+    reliable images.
     """
     if not isinstance(policy, Predictor):
         return
@@ -268,8 +276,8 @@ def _record_prediction(
 def _continue_to_lay(
     _given: FoldInputs, _log: FoldLog, record: Recorder, begin: Snapshot
 ) -> steps.Phase:
-    """Record the layers' touch and begin the lay motion at once: a pause would shift
-    the loop.
+    """Record the touch of the layers and begin to lay the strip at once, as a pause
+    would let its bend move.
     """
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
@@ -290,7 +298,9 @@ def lay(
 
 
 def _lay_plan(given: FoldInputs, log: FoldLog, gripper: Pose) -> fold_path.LayPlan:
-    """Lay from where the `gripper` is; Fault without a touch."""
+    """Plan for laying the edge from the pose of the `gripper`; raises Fault where no
+    touch was seen.
+    """
     touch = log.seen_touch
     if touch is None:
         raise Fault("illegal_event", "LAY was entered without a touch")
@@ -301,7 +311,7 @@ def _lay_plan(given: FoldInputs, log: FoldLog, gripper: Pose) -> fold_path.LayPl
 
 
 def follow_lay(plan: fold_path.LayPlan, speed: float, begin: Snapshot) -> steps.Motion:
-    """Follow the path of a lay at `speed` [m/s] with the hand upright, to rest.
+    """Follow the path of `plan` to rest at `speed` [m/s], with the hand upright.
 
     The gripper slows down in time: one that brakes at the end of the path only meets
     the desk. So does one that is steered by where a trailing arm is measured.
@@ -321,7 +331,7 @@ def follow_lay(plan: fold_path.LayPlan, speed: float, begin: Snapshot) -> steps.
 
 
 def _upright(pose: Pose) -> float:
-    """Pitch rate [rad/s] that takes out the error of a hand that no longer hangs."""
+    """Pitch rate [rad/s] that turns a hand at `pose` back to its upright pitch."""
     return TURN_GAIN * (fold_path.HANGING - pose.pitch)
 
 
@@ -332,8 +342,8 @@ def _push(
     record: Recorder,
     snapshot: Snapshot,
 ) -> steps.Motion:
-    """Push the held edge until its layer, as long as the loop leaves it, ends where it
-    is to lie.
+    """Push the held edge along the desk until the upper layer, as the camera sees it,
+    would end where it is to lie.
 
     The fold rolls on after the touch, so that the upper layer is too long; a push rolls
     it back while the layer lies flat. One that bows up passes little on: it is pulled
@@ -363,8 +373,8 @@ def _push(
 def _held_at(
     given: FoldInputs, plan: fold_path.LayPlan, record: Recorder, pushed: float
 ) -> Generator[Command, Snapshot, tuple[Snapshot, float]]:
-    """Move the held edge to where it is `pushed` on by some m, and look how far [m] it
-    would then lie beyond its place.
+    """Move the held edge to `pushed` [m] beyond its laid position, and measure how far
+    [m] beyond its goal it would then lie.
     """
     snapshot = yield from steps.move(plan.held(pushed))
     beyond = yield from _seen_beyond(given, plan, snapshot)
@@ -375,8 +385,8 @@ def _held_at(
 def _seen_beyond(
     given: FoldInputs, plan: fold_path.LayPlan, held: Snapshot
 ) -> Generator[Command, Snapshot, float]:
-    """How far [m] beyond its place the edge would lie, let go where it is `held`; NaN
-    where no loop is seen.
+    """Distance [m] beyond its goal at which the edge would lie if the hand let go now;
+    NaN where the camera sees no bend of the fold.
     """
     seen = yield from _lying_strip(given.reader, held.arm.pose)
     loop = None if seen is None else Loop.seen_in(seen)
@@ -423,8 +433,8 @@ def _compare_edges(given: FoldInputs, log: FoldLog, loop: Loop, edge: Pose) -> N
 def _lying_strip(
     reader: Reader, end: Pose
 ) -> Generator[Command, Snapshot, StripMeasurement | None]:
-    """Measure the strip that lies folded up to its `end`, held or let go, in a picture
-    at rest.
+    """Measurement of the folded strip, with its upper edge at `end`, in a new image at
+    rest; None where it cannot be measured.
     """
     picture = yield from steps.still_picture()
     task = ImageTask(picture.frame, end, hand=picture.gripper)
@@ -436,7 +446,9 @@ def _lying_strip(
 
 
 def _visible_loop(length: float, measurement: StripMeasurement | None) -> Loop | None:
-    """Loop of the laid strip; None where no fold of its `length` [m] is visible."""
+    """Bend (loop) of the laid strip; None where the image shows no fold of a strip of
+    `length` [m].
+    """
     if measurement is None:
         return None
     off = abs(laid_length(measurement) - length)
@@ -446,7 +458,7 @@ def _visible_loop(length: float, measurement: StripMeasurement | None) -> Loop |
 def move_manually(
     given: ManualInputs, log: ManualLog, _: Recorder, snapshot: Snapshot
 ) -> steps.Phase:
-    """Carry out the motion that a manual run asks for."""
+    """Carry out the motion of a manual run, and log the gripper's final pose."""
     log.end = (yield from given.motion(snapshot)).arm.pose
     return Trigger.MOVED
 
@@ -464,8 +476,8 @@ MANUAL_PHASES = {State.PREFLIGHT: move_manually}
 
 
 def observation(time: float, gripper: Pose, seen: StripMeasurement) -> Observation:
-    """Observation for the policy at `time` [s], of the `gripper` and the strip as last
-    `seen`.
+    """Observation for the policy at `time` [s]: the pose of the `gripper`, and the
+    strip as measured in `seen`.
     """
     return Observation(
         time=np.array([time]),
@@ -499,8 +511,8 @@ def _lift_pitch_rate(
 def _camera_checks(
     given: FoldInputs,
 ) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
-    """Check that the camera has not moved since its calibration, where landmarks are
-    known.
+    """Check that the camera has not moved since its calibration; return no checks where
+    no landmarks are known.
     """
     calibration = given.calibration
     landmarks = calibration.landmarks

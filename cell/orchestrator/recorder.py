@@ -13,8 +13,8 @@ from drivers.base.types import Array, Frame
 
 
 class Recorder:
-    """Base class of a run's recorders, which itself stores nothing; clock times in
-    [s].
+    """Base class of a run's recorders, which stores nothing itself; its clock times are
+    in seconds.
     """
 
     @property
@@ -44,8 +44,8 @@ class Recorder:
 
 
 class FileRecorder(Recorder):
-    """Recorder that writes the folder of a run; t = 0 is the lift, or where the strip
-    hangs still.
+    """Recorder that writes a run's folder; its t = 0 is the lift or, in a run that
+    starts hanging, where the strip hangs still.
 
     Ticks and measurements are recorded from the lift on. Earlier images are kept until
     then and get negative times; events carry the cell's clock, and the event `origin`
@@ -73,8 +73,8 @@ class FileRecorder(Recorder):
         self._writer.describe(**facts)
 
     def begin(self, clock: float) -> None:
-        """Start measured time at the lift, `clock` [s], or once a `hanging` strip is
-        still.
+        """Start measured time at the lift, `clock` [s]; in a run that starts hanging,
+        the second call starts it.
         """
         if self._lift is None:
             self._lift = clock
@@ -117,8 +117,8 @@ class FileRecorder(Recorder):
             self._writer.joints(rows, self.origin)
 
     def finish(self, result: dict[str, Any]) -> None:
-        """Complete the run's folder with `result`, written as result.yaml; allowed
-        twice.
+        """Complete the run's folder by writing `result` to result.yaml; a second call
+        is allowed.
         """
         self._flush_early()
         self._writer.finish(result)

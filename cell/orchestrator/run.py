@@ -54,7 +54,9 @@ class Observer(Protocol):
 
 
 class LoopStage(Enum):
-    """Stages of a control loop: its phases command, it brakes, the arm rests."""
+    """Stages of a control loop: its phases give commands, the arm brakes, the arm
+    rests.
+    """
 
     UNDER_WAY = "under way"
     BRAKING = "braking"
@@ -76,8 +78,8 @@ class ControlLoop:
         observers: tuple[Observer, ...] = (),
         interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Drive `devices` by `phases`, functions of `inputs` and `log`, until the
-        end.
+        """Prepare to drive `devices` by `phases`, functions of `inputs` and `log`,
+        until the run ends.
         """
         self._devices = devices
         self._inputs = inputs
@@ -110,8 +112,8 @@ class ControlLoop:
         self._closed = False
 
     def execute(self) -> Outcome:
-        """Run once until the arm rests; errors are the outcome, Ctrl-C and failed
-        braking raise.
+        """Carry out the run until the arm rests, and return its outcome; errors become
+        outcomes.
         """
         clock = self._devices.clock
         period = 1.0 / self._inputs.settings.fold.control_rate
@@ -153,7 +155,9 @@ class ControlLoop:
             self._cycle(due)
 
     def _cycle(self, due: float) -> None:
-        """One cycle of the control loop: sense, decide, check, send, record."""
+        """Carry out one cycle of the control loop: sense, decide, check,
+        send, record.
+        """
         self._devices.clock.wait_until(due)
         snapshot = self._sense()
         command = self._decide(snapshot)
@@ -184,8 +188,8 @@ class ControlLoop:
         return None if self._machine.over else self._decide(snapshot)
 
     def _brake(self, due: float) -> None:
-        """Execute a full cycle of braking, even when late; recorded and shown if
-        possible.
+        """Carry out one full cycle of braking, even a late one, and record and show it
+        where possible.
         """
         now = self._devices.clock.now()
         if now >= due:
@@ -222,8 +226,8 @@ class ControlLoop:
         self._phase = None
 
     def _stop(self, stopped: Outcome) -> None:
-        """Brake and enter STOPPING for the reason `stopped`; a run that is over keeps
-        its state.
+        """Brake the arm and enter the state STOPPING for the reason `stopped`; a run
+        that is over keeps its state.
         """
         self._stop_devices()
         self._stopped = stopped
@@ -289,7 +293,9 @@ class ControlLoop:
             self._recorder.frame(view.frame)
 
     def _send(self, command: Command) -> None:
-        """Send the command to its device, unless the same is already under way."""
+        """Send `command` to its device, unless the same command is already
+        under way.
+        """
         arm = self._devices.arm
         hand = self._devices.hand
         if isinstance(command, Drive):
@@ -310,7 +316,9 @@ class ControlLoop:
         self._command = command
 
     def _outcome(self, duration: float) -> Outcome:
-        """Outcome of the ended run, its touch in measured time."""
+        """Outcome of the ended run of `duration` [s], with the time of its touch in
+        measured time.
+        """
         log = self._log
         end = self._stopped or log.completion()
         touch = log.seen_touch

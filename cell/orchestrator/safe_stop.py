@@ -36,8 +36,8 @@ class SafeStop:
             run_suppressed(self._devices.hand.stop)
 
     def brake_one_cycle(self, due: float) -> ArmState | None:
-        """Brake for one cycle, at `due` [s]; returns the arm's state, None where it is
-        silent.
+        """Brake for one cycle due at `due` [s]; return the arm's state, None where the
+        arm does not answer.
         """
         self._cycles_left -= 1
         run_suppressed(lambda: self._devices.clock.wait_until(due))
@@ -48,8 +48,8 @@ class SafeStop:
         return states[0] if states else None
 
     def has_ended(self, arm: ArmState | None) -> bool:
-        """Whether the arm is at rest (it may still creep to its pose), or no cycle is
-        left.
+        """Whether braking has ended: `arm` is at rest, though it may still creep to its
+        pose, or no cycle is left.
         """
         if self._cycles_left <= 0:
             return True

@@ -33,8 +33,8 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True)
 class MoveTo:
-    """Command to the arm: move to rest at `pose`; repeated on every tick of the
-    move.
+    """Command to the arm to move to rest at `pose`; repeated on every tick of the
+    motion.
     """
 
     pose: Pose
@@ -42,26 +42,28 @@ class MoveTo:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """Command to the arm: follow `velocity` [m/s, rad/s] until the next tick."""
+    """Command to the arm to follow `velocity` [m/s, rad/s] until the next tick."""
 
     velocity: Velocity
 
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Command to the arm: stay at rest, or brake to it."""
+    """Command to the arm to stay at rest, or to brake to rest."""
 
 
 @dataclass(frozen=True, slots=True)
 class OpenHand:
-    """Command to the hand: open the fingers, to `width` [m] or as wide as they go."""
+    """Command to the hand to open its fingers to `width` [m]; None opens them as wide
+    as they go.
+    """
 
     width: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class CloseHand:
-    """Command to the hand: close the fingers on the strip."""
+    """Command to the hand to close its fingers on the strip."""
 
 
 Command = MoveTo | Drive | Hold | OpenHand | CloseHand

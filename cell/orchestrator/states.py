@@ -74,8 +74,8 @@ class Machine:
         self.state = State.IDLE
 
     def apply(self, event: Trigger) -> State:
-        """Apply `event`, return the new state; raises Fault for an event that is not
-        allowed.
+        """Apply `event` and return the new state; raises Fault for an event that the
+        present state does not allow.
         """
         try:
             self.state = TRANSITIONS[self.state, event]

@@ -33,8 +33,8 @@ POSE_TOLERANCE = 0.002  # m, rad: how near a finished move must have come
 
 @dataclass(frozen=True, slots=True)
 class StillPicture:
-    """Image `frame` taken at rest, when it arrived, `time` [s], and the gripper's
-    pose.
+    """Image `frame` taken at rest, the `time` [s] at which it arrived, and the pose of
+    the `gripper`.
     """
 
     time: float
@@ -71,7 +71,9 @@ def move(pose: Pose) -> Motion:
 def still_picture(
     settling: float = SETTLE,
 ) -> Generator[Command, Snapshot, StillPicture]:
-    """First image taken once the arm has rested for `settling` [s]."""
+    """Wait until the arm has rested for `settling` [s], and return the first image
+    taken after that.
+    """
     at_rest = yield from pause(settling)
     while True:
         snapshot = yield Hold()
@@ -100,7 +102,8 @@ def _move_fingers(command: OpenHand | CloseHand) -> Motion:
 
 
 def rotate_hand(pitch: float) -> Generator[Command, Snapshot, Pose]:
-    """Rotate the hand to `pitch` [rad] in place; returns the gripper's earlier pose.
+    """Rotate the hand to `pitch` [rad] without moving the gripper; returns the pose
+    before the rotation.
 
     An arm that turns its hand while it reaches far can run into the limits of its
     joints.

@@ -55,8 +55,8 @@ class View:
 
 
 class Vision:
-    """Reader of the camera in each tick; in a fold it has the strip measured in the
-    images.
+    """Reader of the camera on each tick of a run, which in a fold has the strip
+    measured in the images.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Vision:
         self._waiting: Frame | None = None  # the newest frame to be measured
 
     def update(self, state: State, now: float, arm: ArmHistory) -> View:
-        """Take a new image, have it measured in MEASURED_STATES; returns the view at
+        """Take a new image, have it measured in MEASURED_STATES, and return the view at
         `now` [s].
         """
         fresh = self._take_frame(state, arm)
@@ -111,8 +111,8 @@ class Vision:
     def _measure(
         self, state: State, now: float, arm: ArmHistory, reader: Reader
     ) -> None:
-        """Collect the finished measurement, if any, and begin that of the newest
-        frame.
+        """Collect the finished measurement, if any, and begin the measurement of the
+        newest frame.
         """
         while not reader.failure:
             if self._waiting is not None and reader.busy_since is None:
@@ -149,8 +149,8 @@ class Vision:
 
 
 class FrozenImages:
-    """Detects a camera that repeats one image, by comparing every frame with the one
-    before.
+    """Detector of a camera that repeats one image, which compares every frame with the
+    one before.
 
     A camera is frozen when it repeats the same image, byte for byte, although the
     gripper has moved. Equal images of a scene at rest prove nothing: a camera without

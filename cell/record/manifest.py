@@ -68,18 +68,20 @@ class Manifest:
 
     @property
     def done(self) -> frozenset[int]:
-        """Numbers of the parts that need not be made again."""
+        """Numbers of the series' parts that have ended and need not be made again."""
         codes = {number: facts.get("exit_code") for number, facts in self.ended.items()}
         return frozenset(number for number, code in codes.items() if code in DONE_CODES)
 
     @property
     def is_complete(self) -> bool:
-        """Whether nothing of the series is left to be made."""
+        """Whether no part of the series is left to be made."""
         return self.is_over or len(self.done) >= self.parts
 
     @property
     def is_under_way(self) -> bool:
-        """Whether a living process makes the series, by its lock on the file."""
+        """Whether a living process is making the series, which its lock on the file
+        shows.
+        """
         with suppress(OSError), self.path.open("rb") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -97,8 +99,8 @@ class Manifest:
 
 
 def manifests_in(folder: Path) -> tuple[Manifest, ...]:
-    """Manifests in `folder` and in the folders in it, by name; what is none is left
-    out.
+    """Manifests in `folder` and in its subfolders, in order of their names; other files
+    are left out.
     """
     found = []
     for path in sorted([*folder.glob(f"*{MANIFEST}"), *folder.glob(f"*/{MANIFEST}")]):
@@ -108,7 +110,9 @@ def manifests_in(folder: Path) -> tuple[Manifest, ...]:
 
 
 class RunSeries:
-    """Series of runs that this process makes: writes its manifest, part by part."""
+    """Series of runs that this process is making, which writes its manifest part by
+    part.
+    """
 
     def __init__(self, manifest: Manifest) -> None:
         self.manifest = manifest
@@ -126,7 +130,9 @@ class RunSeries:
         self.note({"over": True})
 
     def way_on(self) -> str:
-        """Words on how to go on with a series of which a part is left; else empty."""
+        """Advice on how to go on with a series that is not complete; empty for a
+        complete one.
+        """
         now = Manifest.read(self.manifest.path)
         if now.is_complete:
             return ""

@@ -88,8 +88,8 @@ def _cached_part(
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Recorded run: header, columns and result, None where the process died before it
-    wrote one.
+    """Recorded run: header, columns and result; `result` is None where the process died
+    before writing one.
 
     Its `reader` says whether broken parts are errors or empty; `parts` are those read
     so far.
@@ -221,7 +221,8 @@ class Run:
 
     @_cached_part(NO_TABLES)
     def tables(self) -> Mapping[str, Columns]:
-        """Measurements as plain tables of columns (n,) in SI units, for another format.
+        """Measurements as tables, by name, of columns (n,) in SI units, for export to
+        another format.
 
         They are `ticks`, and where measured `contact`, `profile` and `result`, without
         columns that hold no number.
@@ -259,8 +260,8 @@ class Run:
         return {note.film: note.stamp for note in notes if note.film is not None}
 
     def film_frames(self, only: Collection[int] | None = None) -> Iterator[Frame]:
-        """Yield the images of the run's film, with their stamps and numbers in the run,
-        or those numbered in `only`.
+        """Yield the images of the run's film with their stamps and numbers in the run;
+        `only` limits them to its numbers.
 
         They end where the film breaks off; none without a film.
         """

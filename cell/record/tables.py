@@ -63,8 +63,8 @@ SIGHT_ROWS = pa.schema(
 
 
 class TooLarge(ConfigurationError):
-    """Error for a table of more columns or values than are read: no mapping mends
-    it.
+    """Error for a table with more columns or values than are read, which no mapping of
+    columns can cure.
     """
 
 
@@ -160,8 +160,8 @@ def _check_profiles(sights: pa.Table, path: Path) -> None:
 
 
 def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
-    """Rows from `begin` [s] on, with the column `time` counted from there; all rows for
-    0.
+    """Rows of a table from `begin` [s] on, with the column `time` counted from there;
+    all rows where `begin` is 0.
     """
     if begin == 0.0:
         return rows
@@ -253,8 +253,8 @@ def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
 
 
 def sight_tables(sights: pa.Table) -> Tables:
-    """`sights` without the lists profile_x and profile_z, and a table of these: t, i,
-    x, z.
+    """Tables of the strip's measurements `sights` without profiles, and of their
+    profiles' points: t, i, x, z.
     """
     counts = pc.list_value_length(sights["profile_x"]).to_numpy()
     points = {
@@ -316,8 +316,8 @@ def _numbers(table: pa.Table, column: str) -> Array:
 def unnest(
     table: pa.Table, origin: str, names: Mapping[str, object] | None = None
 ) -> pa.Table:
-    """Copy of a table with a column a field of a struct, `pose.x`, and a number of a
-    vector, `q.0`.
+    """Copy of a table with one column for each field of a struct, as `pose.x`, and for
+    each number of a vector, as `q.0`.
 
     `names` are those of the numbers of a vector, by its column, as a LeRobot data set
     states them. Raises ConfigurationError, with the `origin` of the table, for too many
@@ -382,7 +382,8 @@ def _axes(stated: object, size: int) -> Sequence[object]:
 def with_named_parts(
     content: pa.Table, columns: Sequence[str], origin: str
 ) -> pa.Table:
-    """Copy of a table with those of `columns` that name a part, `position.elbow`.
+    """Copy of a table with one added column for each of `columns` that names a part of
+    a list, as `position.elbow`.
 
     Each row lists the names of its parts, `name.0` and so on, in any order; rows
     without any of these parts are left out. Raises ConfigurationError for a part by its
@@ -435,8 +436,8 @@ def _check_index(column: str, labels: Labels, origin: str) -> None:
 
 
 def turn_of(x: Array, y: Array, z: Array, w: Array) -> Array:
-    """Turn (n,) [rad] from x to z, about -y, of quaternions with parts (n,) since the
-    first.
+    """Rotation (n,) [rad] from x to z, about -y, since the first of n quaternions with
+    the parts x, y, z, w (n,).
     """
     along = w * w[:1] + x * x[:1] + y * y[:1] + z * z[:1]
     across = w * y[:1] - y * w[:1] + z * x[:1] - x * z[:1]
@@ -445,8 +446,8 @@ def turn_of(x: Array, y: Array, z: Array, w: Array) -> Array:
 
 
 def numbers_of(raw: pa.ChunkedArray) -> Array | None:
-    """Numbers (n,) of a column, NaN where it is empty; None for a column of other
-    words.
+    """Numbers (n,) of a column, NaN where a cell is empty; None for a column that holds
+    other things than numbers.
     """
     kind = raw.type  # null where every cell is empty
     if (told := unit_in_cells(raw)) is not None:
@@ -460,8 +461,8 @@ def numbers_of(raw: pa.ChunkedArray) -> Array | None:
 
 
 def unit_in_cells(raw: pa.ChunkedArray) -> str | None:
-    """The one unit that all cells of a column of words state, such as `0.004 sec`, if
-    any.
+    """Unit that all cells of a text column state alike, such as `sec` in `0.004 sec`;
+    None without a common unit.
     """
     if not pa.types.is_string(raw.type):
         return None
@@ -472,7 +473,7 @@ def unit_in_cells(raw: pa.ChunkedArray) -> str | None:
 
 def seconds_of(raw: pa.ChunkedArray) -> Array | None:
     """Seconds (n,) since 1970 of a column of ISO 8601 times, all with a zone or all
-    without.
+    without; None for other columns.
     """
     is_text = pa.types.is_string(raw.type)
     if not (is_text or pa.types.is_timestamp(raw.type)):
@@ -486,8 +487,8 @@ def seconds_of(raw: pa.ChunkedArray) -> Array | None:
 
 
 def column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
-    """The one column called `name`; ConfigurationError, with its `origin`, for none or
-    two.
+    """Column called `name`; ConfigurationError, which names the `origin`, where there
+    is none or more than one.
     """
     names = content.column_names
     indices = [index for index, each in enumerate(names) if each == name]

@@ -17,6 +17,8 @@ def write_truth(folder: Path, truth: Mapping[str, Any]) -> None:
 
 
 def read_truth(folder: Path) -> dict[str, Any] | None:
-    """Read truth.yaml of a run on the twin; None where there is none."""
+    """Content of truth.yaml of a run on the twin; None where the folder has no such
+    file.
+    """
     path = folder / TRUTH
     return read_yaml(path) if path.exists() else None

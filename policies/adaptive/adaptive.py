@@ -37,8 +37,8 @@ UP_DIRECTION, DOWN_DIRECTION, LEVEL_DIRECTION = 0.75 * math.pi, 1.25 * math.pi, 
 
 
 class Steering:
-    """Steering of n grippers along raised triangles, up and then down, never up
-    again.
+    """Steering of n grippers along raised triangles: each goes up, then down, and never
+    up again.
     """
 
     def __init__(self, length: float, speed: float, count: int) -> None:
@@ -53,8 +53,8 @@ class Steering:
         return HIGHEST * self._length
 
     def decide(self, x: Array, z: Array, rise: Array) -> Decision:
-        """Command grippers at `x`, `z` (n,) [m]: up to z = x + `rise` (n,) [m], down
-        that line.
+        """Command grippers at `x`, `z` (n,) [m] up to the line z = x + `rise` (n,) [m],
+        then down along it.
         """
         above = (z - x - rise) / math.sqrt(2.0)
         self.descending = self.descending | (above > -self._speed * LEAD)
@@ -92,12 +92,12 @@ class Adaptive:
         self._begin(REFERENCE_LENGTH, SPEED, 1)
 
     def correct(self, bias: float) -> None:
-        """Correct the aim by a `bias` [m]: measured less predicted d."""
+        """Shift the aim by `bias` [m], the measured less the predicted displacement."""
         self._seen = bias
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Forget the last fold; prepare for `count` strips as long as `strip` at
-        `speed` [m/s].
+        """Forget the last fold, and prepare for `count` strips of the length of `strip`
+        at `speed` [m/s].
 
         Raises ConfigurationError for a length or speed that the critic was not trained
         for.
@@ -126,8 +126,8 @@ class Adaptive:
         return vertical_lift(self._length)
 
     def prediction(self) -> FoldPrediction | None:
-        """Predicted displacement and strip of the batch's first fold; None before a
-        decision.
+        """Predicted displacement and properties of the batch's first strip; None before
+        the first decision.
         """
         if not self._recent:
             return None

@@ -65,8 +65,8 @@ class Belief(NamedTuple):
     friction: Array
 
     def first(self) -> dict[str, ParameterEstimate]:
-        """Estimated bending length [m], retardation time [s], yield curvature [1/m] of
-        strip 0.
+        """Estimated bending length [m], retardation time [s] and yield curvature [1/m]
+        of the first strip, by name.
         """
         friction = _exponential(self.friction[0])
         intervals = {
@@ -121,8 +121,8 @@ class FoldMemory:
         self._images = np.zeros((count, 1))
 
     def add(self, units: Array, reached: NDArray[np.bool_]) -> Array:
-        """Add an image's `units` (n, units) to the folds of mask `reached`; returns the
-        means.
+        """Add one image's `units` (n, units) to the folds marked in `reached` (n,);
+        return the means over their images.
         """
         self._sums = self._sums + reached[:, None] * units
         self._images = self._images + reached[:, None]
@@ -183,8 +183,8 @@ class Critic:
         )
 
     def with_stretch(self, stretch: Array) -> Self:
-        """Copy of the critic with its four standard deviations multiplied by `stretch`
-        (4,).
+        """Copy of the critic with its four standard deviations multiplied by the
+        factors `stretch` (4,).
         """
         return type(self)(self.weights | {"stretch": self.weights["stretch"] * stretch})
 

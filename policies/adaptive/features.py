@@ -61,8 +61,8 @@ class RecentImages:
     def add(
         self, stamp: Array, values: Array, reliable: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Add reliable `values` (n, channels) of a later `stamp` [s]; mask (n,) of
-        those added.
+        """Add `values` (n, channels) where they are `reliable` and their `stamp` [s] is
+        later; return the mask (n,) of those added.
         """
         stamps = self._stamps
         new = reliable & (stamp > self.newest)

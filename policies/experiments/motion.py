@@ -136,8 +136,8 @@ SEARCH_SAMPLES = 2001  # points of a path among which the nearest is searched
 
 
 class ScriptedPolicy:
-    """Policy that executes the motion `draw(length, speed)` of a strip's length and a
-    speed.
+    """Policy that executes the motion which `draw(length, speed)` returns for a strip's
+    length [m] and a speed [m/s].
 
     The lift is along the motion's path; at the first decision the motion's clock is set
     to the gripper's position on it.
@@ -156,7 +156,7 @@ class ScriptedPolicy:
         self._start_times: Array = np.full(count, np.nan)
 
     def lift(self) -> Path:
-        """Path of the lift: that of the motion."""
+        """Path of the lift, which is the motion's whole path."""
         return self._motion.path
 
     def decide(self, observation: Observation) -> Decision:
@@ -210,8 +210,8 @@ def generator(seed: int, number: int) -> np.random.Generator:
 
 
 def human_motion(length: float, seed: int, number: int) -> Motion:
-    """Motion `number` of the simulated person `seed` over a strip of `length` [m], no
-    tremor.
+    """Motion `number` of the simulated person `seed` over a strip of `length` [m],
+    without tremor.
     """
     line, travel = hand_path(length, generator(seed, number))
     samples = np.linspace(0.0, line.x[-1], PATH_SAMPLES)

@@ -93,8 +93,8 @@ def evaluate(
 def evaluate_piece(
     settings: TrainingSettings, candidates: Array, generation: int
 ) -> Scores:
-    """Evaluate `candidates` (p, WEIGHT_COUNT) on the same strips and noise: a pure
-    function.
+    """Evaluate `candidates` (p, WEIGHT_COUNT) on the same strips and noise; equal
+    arguments give equal scores.
     """
     strips = sample(
         settings.strips, np.random.default_rng([settings.seed, generation, 0])

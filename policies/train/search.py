@@ -184,8 +184,8 @@ class FeedbackTraining:
             )
 
     def _keep_best(self, validated: float) -> bool:
-        """Keep the optimiser's mean if it `validated` [m] best so far; returns whether
-        it did.
+        """Keep the optimiser's mean where its error `validated` [m] is the smallest so
+        far; return whether it was kept.
         """
         if not validated < self.validated:
             return False

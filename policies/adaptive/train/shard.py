@@ -191,7 +191,8 @@ class Shard(NamedTuple):
 def simulate(
     settings: CriticSettings, turn: int, number: int, critic: Critic | None
 ) -> Shard:
-    """Simulate shard `number` of training round `turn` with `critic`: a pure function.
+    """Simulate shard `number` of training round `turn` with `critic`; equal arguments
+    give equal shards.
 
     Strips that need the rod's optional terms fold in a separate batch. Linear algebra
     runs in one thread, as its rounding depends on the number of threads.
@@ -258,8 +259,8 @@ def _fold_strips(
 def _shard_of(
     explorer: Explorer, folds: Folds, strips: list[StripFile], *, trial: bool
 ) -> Shard:
-    """Training data from `folds` and inputs of `explorer`; a `trial` predicts at all
-    moments.
+    """Training data from `folds` and the inputs that `explorer` kept; in a `trial` all
+    decisions count as predictions.
     """
     times = np.array(explorer.times).T
     rises = np.array(explorer.rises).T

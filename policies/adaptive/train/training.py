@@ -57,15 +57,15 @@ class CriticTraining:
         return Adaptive(self._calibrated)
 
     def run(self, calls: Calls) -> Iterator[str]:
-        """Run the remaining steps, with folds by `calls`, and save the weights; yields
-        texts.
+        """Run the remaining steps, simulating folds by `calls`, and save the weights;
+        yields a text on each step.
         """
         for number, text in enumerate(self._steps(calls), 1):
             yield f"{number} of {self.total}: {text}"
         self._finish()
 
     def _steps(self, calls: Calls) -> Iterator[str]:
-        """Run rounds and trial; yields a text on each step."""
+        """Run all rounds and the trial folds; yields a text on each step."""
         settings = self.settings
         for turn, count in enumerate(settings.pieces):
             for shard in self._pieces(turn, count, calls):
@@ -145,8 +145,8 @@ class CriticTraining:
 
 @dataclass(frozen=True, slots=True)
 class TrialResult:
-    """Displacements d of trial folds: mean, 95 %, worst |d| [m]; shares within 1, 1.96
-    sigma.
+    """Statistics of the displacements of trial folds [m], and the shares of errors
+    within 1 and 1.96 sigma.
     """
 
     folds: int
