@@ -166,7 +166,7 @@ def _standing(run: Run) -> str:
     if count >= LEAST_FOLDS:
         return f"{first.standing(first.earlier)} for a fold {of}: {first.history}."
 
-    few = f"{plural(count, 'fold')} {of} before it"
+    few = f"{plural(count, 'earlier fold')} {of} to compare with"
     if last.name != FORETOLD:
         return f"Normal or not is unknown: nothing was predicted, {few}."
     off = f"{last.text} from the prediction, {last.margin}"

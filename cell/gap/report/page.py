@@ -350,7 +350,7 @@ def _verdict_card(
     number = below = ""
     if effects := verdict.effects:
         number = in_percent(min(effect.confidence for effect in effects))
-        below = "sure of the cause; ones that\nnobody lists count against it"
+        below = "sure that this is the cause,\nunknown causes counted in"
 
     lines = [sentence(findings, verdict)]
     rows = planned["rows"]

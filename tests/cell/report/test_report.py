@@ -138,7 +138,7 @@ def test_verdict_stands_on_top_with_sign_error_and_truth(page):
     top = words(page[page.index("<main") : page.index("In numbers")])
     for claim in (
         "Folded: the edges lie 31.0 mm apart",
-        "Normal or not is unknown: nothing was predicted, 0 folds of denim",
+        "Normal or not is unknown: nothing was predicted, 0 earlier folds of denim",
         "edges, once laid down −31.0 mm short, ± 1.0 mm",
         "first touch −36.3 mm short, ± 1.0 mm; true on the twin −35.1 mm",
         "Next: cell gap plan --strip denim finds why it lies beyond the 20 mm",
@@ -170,7 +170,7 @@ def test_numbers_of_weight_stand_among_the_folds_of_the_strip_before(
     said = "Normal for a fold of denim by triangular: 1 fold before: −31.0&nbsp;mm."
     assert said in write_report(again).read_text()
     edit_yaml(later / "run.yaml", policy="planned")
-    assert "0 folds of denim by triangular before it" in write_report(again).read_text()
+    assert "0 earlier folds of denim by triangular" in write_report(again).read_text()
 
 
 def test_dead_run_is_explained(dead_page):
