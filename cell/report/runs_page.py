@@ -144,7 +144,10 @@ def _trend_figure(rows: Sequence[RunRow]) -> str:
             axes.plot(order, offsets, "o-", color=colour, ms=4, lw=1, label=strip)
             for number, offset, row in zip(order, offsets, folds, strict=True):
                 axes.annotate(row.name[-4:], (number, offset), (3, 4), **NOTE)
-        axes.set(xlabel="folds of the strip, oldest first (motions are none)", ylabel="edges apart  [mm]")
+        axes.set(
+            xlabel="folds of the strip, oldest first (motions are none)",
+            ylabel="edges apart  [mm]",
+        )
         axes.xaxis.get_major_locator().set_params(integer=True)
         figure.legend(loc="outside upper left", ncols=6)
         return as_svg(figure)
