@@ -20,7 +20,7 @@ FOLDED_TOLERANCE = 0.020
 EARLIER_FOLDS = 20  # beside which a fold's numbers are drawn
 LEAST_FOLDS = 3  # from which on a fold is normal or not among them
 USUAL = 2.0  # sigma, within which 19 of 20 numbers lie
-FORETOLD = "difference from the prediction"
+FORETOLD = "layers, against their prediction"
 LEAST_SCALE = 0.002  # m, to which numbers are drawn at least
 
 
@@ -170,7 +170,7 @@ def _standing(run: Run) -> str:
     if last.name != FORETOLD:
         return f"Normal or not is unknown: nothing was predicted, {few}."
     off = f"{last.text} from the prediction, {last.margin}"
-    return f"{last.standing((0.0,))}: {off} ({few})."
+    return f"{last.standing((0.0,))}: the layers touch {off} ({few})."
 
 
 def _surprise(fold: Result) -> tuple[float | None, float]:

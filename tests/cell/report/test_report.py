@@ -276,8 +276,8 @@ def test_page_states_and_draws_what_was_predicted(predicting) -> None:
     assert "+0.4 mm ± 0.9 mm" in text
     assert "This strip does not behave like the model" in text
     assert "strip beside its model 3.1 mm" in text
-    assert "Not as usual: +36.7 mm from the prediction, up to 1.8 mm is usual" in text
-    assert "difference from the prediction +36.7 mm too far, up to 1.8 mm" in text
+    assert "Not as usual: the layers touch +36.7 mm from the prediction, up to" in text
+    assert "layers, against their prediction +36.7 mm too far, up to 1.8 mm" in text
     assert "predicted 60 times" in text
     assert "foretold" not in text
     assert page.count("<svg") == 3
