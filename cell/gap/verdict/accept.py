@@ -46,8 +46,9 @@ LARGEST_MODEL, LARGEST_UNDO = 20 * MEGABYTE, 64 * MEGABYTE
 
 
 class Acceptance(Recorded):
-    """Acceptance of the fit in the folder `fit`: text before it and digest after it, by
-    path from the accepted file's folder.
+    """One acceptance of a fit's patch: the name of the fit's folder, the accepted
+    effects, and for each changed file, named by its path relative to the folder of the
+    accepted file, its text before and the digest of its text after.
     """
 
     fit: str
@@ -56,15 +57,18 @@ class Acceptance(Recorded):
     after: dict[str, str]
 
     def state(self, name: str, text: str) -> State:
-        """Whether `text` is that of a file before or after the acceptance, or other."""
+        """Whether `text`, read from the file stored as `name`, is the file's text from
+        before the acceptance ("before"), from after it ("after"), or neither
+        ("changed").
+        """
         if _digest(text) == self.after.get(name):
             return "after"
         return "before" if text == self.before[name] else "changed"
 
 
 class UndoRecord(Recorded):
-    """Content of the record beside an accepted file: its acceptances, the last one
-    last.
+    """Content of the record kept beside an accepted file: every acceptance into that
+    file that can still be undone, oldest first.
     """
 
     acceptances: tuple[Acceptance, ...]
@@ -82,8 +86,8 @@ class Patch(Recorded):
 
 
 class AcceptResult(NamedTuple):
-    """Files that an acceptance or undo has written, and the effects or values
-    concerned.
+    """Paths of the files that an acceptance or its undo has written, and the names of
+    the effects or values that were accepted or taken back.
     """
 
     files: tuple[Path, ...]
@@ -91,8 +95,8 @@ class AcceptResult(NamedTuple):
 
 
 class Change(NamedTuple):
-    """Change of the file at `path` from the text `old` to `new`, either may be
-    ABSENT.
+    """Change of the text of the file at `path` from `old` to `new`, where the constant
+    ABSENT in place of a text means that no file exists.
     """
 
     path: Path
@@ -101,11 +105,13 @@ class Change(NamedTuple):
 
     @property
     def is_made(self) -> bool:
-        """Whether the file has the text `new`."""
+        """Whether the file at `path` now has the text `new`."""
         return _text_at(self.path) == self.new
 
     def check(self) -> None:
-        """Raise ConfigurationError unless the file still has the text `old`."""
+        """Raise ConfigurationError unless the file at `path` still has the
+        text `old`.
+        """
         if _text_at(self.path) != self.old:
             raise ConfigurationError(
                 f"{self.path}: was changed a moment ago and is left alone; do it again"
@@ -207,8 +213,8 @@ def offered(
 
 
 def _check_unchanged(record: FitRecord, file: Path, cell_file: Path | None) -> None:
-    """Refuse files that differ from what was fitted: `file`, its model, the cell
-    file.
+    """Raise ConfigurationError where `file`, a part of its model or the cell file
+    differs from what was fitted; a `cell_file` of None is not checked.
     """
     folder = file.resolve().parent
     fitted = {file: record.file_sha256}
@@ -226,8 +232,8 @@ def _check_unchanged(record: FitRecord, file: Path, cell_file: Path | None) -> N
 def _changes(
     out: Path, offered: PatchFiles, file: Path, cell_file: Path | None
 ) -> list[Change]:
-    """Changes of a model, of the subject's `file`, and of the cell file, in this
-    order.
+    """Changes that an acceptance makes: to the model if it has one to write, to the
+    subject's `file`, and to the cell file if needed, in this order.
     """
     patch = out / offered.subject
     _check_patch(patch)
@@ -269,7 +275,9 @@ def _check_own_model(file: Path, model: Path) -> None:
 def _store_undo(
     out: Path, file: Path, effects: tuple[str, ...], changes: Iterable[Change]
 ) -> None:
-    """Store beside `file`, before any file changes, what undoes `changes`."""
+    """Store beside `file`, before any file changes, the earlier text of each file in
+    `changes`, so that the acceptance can be undone.
+    """
     changed = {_relative(change.path, file): change for change in changes}
     _check_writable(changed.values())
     made = Acceptance(
@@ -300,8 +308,8 @@ def _restore_interrupted(file: Path, cell_file: Path | None) -> None:
 def _way_back(
     stored: Acceptance, file: Path, cell_file: Path | None
 ) -> tuple[list[Change], list[State]]:
-    """Changes that restore the files of an acceptance, a model last, and the state of
-    each.
+    """Changes that restore the files of the acceptance `stored`, a model last, and the
+    present state of each file: "before", "after" or "changed".
     """
     paths = _files_by_name(stored, file, cell_file)
     texts = {name: _text_at(path) for name, path in reversed(paths.items())}
@@ -310,7 +318,9 @@ def _way_back(
 
 
 def _store(file: Path, stored: tuple[Acceptance, ...]) -> None:
-    """Write the record of acceptances beside `file`, without any delete it."""
+    """Write the record of the acceptances `stored` beside `file`, or delete that record
+    where there are none.
+    """
     path = _undo_path(file)
     if not stored:
         path.unlink(missing_ok=True)
@@ -325,7 +335,9 @@ def _store(file: Path, stored: tuple[Acceptance, ...]) -> None:
 
 
 def _acceptances(file: Path) -> tuple[Acceptance, ...]:
-    """Acceptances into `file` that can be undone, the last one last."""
+    """Acceptances into `file` that can still be undone, oldest first; empty where no
+    record lies beside `file`.
+    """
     path = _undo_path(file)
     if not path.exists():
         return ()
@@ -364,7 +376,9 @@ def _files_by_name(
 
 
 def _write_all(changes: Sequence[Change]) -> None:
-    """Make all of `changes` or, where one fails, none."""
+    """Make all of `changes` or, where one of them fails, take back those already made
+    and raise its ConfigurationError.
+    """
     try:
         _write(changes)
     except ConfigurationError:
@@ -374,7 +388,8 @@ def _write_all(changes: Sequence[Change]) -> None:
 
 
 def _write(changes: Iterable[Change]) -> None:
-    """Write the files of an acceptance one by one; delete those whose text is ABSENT.
+    """Write the files in `changes` one by one, and delete each whose new text is the
+    constant ABSENT, which stands for no file.
 
     Raises ConfigurationError where somebody has changed one meanwhile.
     """
@@ -389,13 +404,13 @@ def _write(changes: Iterable[Change]) -> None:
 
 
 def _text_at(path: Path) -> str:
-    """Text of the file at `path`, ABSENT where there is none."""
+    """Text of the file at `path`, or the constant ABSENT where no file exists there."""
     return read_text(path, LARGEST_MODEL) if path.exists() else ABSENT
 
 
 def _folders(*files: Path | None) -> list[Path]:
-    """Existing folders of the given files; a missing file is refused only on
-    reading.
+    """Folders that hold the given files, leaving out files that are None and folders
+    that do not exist.
     """
     return [p.parent for p in files if p and p.parent.is_dir()]
 
