@@ -272,8 +272,8 @@ class V4l2Camera:
 
     @property
     def locks(self) -> Mapping[str, int]:
-        """Values to which its controls are locked: as read back, requested before
-        `connect`.
+        """Values to which the camera's controls are locked, by name: as read back or,
+        before `connect`, as requested.
         """
         return self._settings.controls if self.setup is None else self.setup.locks
 

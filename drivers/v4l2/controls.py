@@ -91,8 +91,8 @@ def controls_of(device: Device) -> dict[str, CameraControl]:
 
 
 def lock(device: Device, values: Mapping[str, int]) -> dict[str, int]:
-    """Switch automatic controls off, then set `values` by name; returns all values,
-    read back.
+    """Switch automatic controls off, set `values` by name, and return the values of all
+    controls set, as read back.
 
     Raises CameraRefused for a control that the device lacks or a value that it does not
     take.

@@ -38,8 +38,8 @@ BITS = 1 << 32
 
 
 class StampSource(StrEnum):
-    """Time from which a frame's stamp is computed: the kernel's of the exposure, or of
-    dequeue.
+    """Sources of a frame's stamp: the kernel's time of the exposure's start or end, or
+    the time of dequeueing.
     """
 
     START = "start of exposure"
@@ -154,7 +154,7 @@ class Capture:
 
     @property
     def corrupt(self) -> bool:
-        """Whether the kernel marks the frame as corrupt, or it is empty."""
+        """Whether the kernel marks the frame as corrupt, or the frame is empty."""
         return bool(self.flags & BufferFlag.ERROR) or self.content.size == 0
 
 
@@ -245,8 +245,8 @@ class CaptureSession:
             undo.pop_all()
 
     def _take(self) -> Capture | None:
-        """Copy and requeue the next filled buffer, or None; raises CameraLost,
-        CameraFaulty.
+        """Copy of the next filled buffer, which is then requeued; None where no buffer
+        is filled; raises CameraLost or CameraFaulty.
         """
         device = self._device
         buffer = Buffer(type=CAPTURE, memory=MMAP)

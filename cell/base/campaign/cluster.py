@@ -43,8 +43,8 @@ TRIES = 3
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """Engine on the Dask cluster at `address` (tcp://HOST:PORT); a part may take
-    `limit` [s].
+    """Engine that measures on the Dask cluster at `address` (tcp://HOST:PORT); `limit`
+    [s] bounds the time of a part, unless None.
     """
 
     address: str
@@ -160,8 +160,8 @@ def event_loop() -> Iterator["IOLoop"]:
 def _run_until_lost(
     client: "Client", parts: list[Part], folder: Path, limit: float | None
 ) -> Iterator[Record]:
-    """Yield records until all parts are done or the scheduler is gone, one part per
-    thread.
+    """Yield the records of `parts`, one part per thread of the cluster, until all are
+    done or the scheduler is gone.
     """
     from distributed import wait
 

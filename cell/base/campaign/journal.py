@@ -33,7 +33,8 @@ class Cost(BaseModel):
 
 
 class Record(BaseModel):
-    """Result of one part: its `outcome` where it was measured, else the `reason`.
+    """Result of one part of a campaign: its `outcome` where it was measured, else the
+    `reason` why it was not.
 
     `key` names the part, `of` is the digest of its code and inputs. `failed` parts are
     tried again at the next start; `set_aside` ones killed their process or ran out of
@@ -54,7 +55,7 @@ class Record(BaseModel):
 
     @property
     def done(self) -> bool:
-        """Whether a campaign's part is finished and need not be measured again."""
+        """Whether the part is finished and need not be measured again."""
         return self.state != "failed"
 
 
@@ -72,7 +73,9 @@ class Journal:
         return self.folder / f"{name}.{digest(key, of)}.json"
 
     def get(self, key: str, of: str) -> Record | None:
-        """Read the record of a part; None where none exists that can be read."""
+        """Record of the part `key` with the digest `of`; None where no readable one
+        exists.
+        """
         record = _read(self.path(key, of))
         is_of_part = record is not None and (record.key, record.of) == (key, of)
         return record if is_of_part else None

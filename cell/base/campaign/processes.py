@@ -120,8 +120,8 @@ def _next_call(pipe: Connection) -> Call:
 
 @dataclass(slots=True)
 class _Running:
-    """Call under way in a process, since `started_at` [s], None while the process
-    starts.
+    """Call under way in a process; `started_at` [s] is None while the
+    process starts.
     """
 
     key: Any
@@ -181,7 +181,9 @@ class ProcessPool:
     def carry_out(
         self, waiting: Waiting, limit: float | None = None
     ) -> Iterator[tuple[Any, Any]]:
-        """Make the calls `waiting`, and those added to it; yields as `ended` does."""
+        """Make all calls in `waiting`, and those added to it meanwhile; yield key and
+        result of each as it ends.
+        """
         while waiting or self._running:
             while waiting and self.has_room:
                 key, function, arguments = waiting.popleft()
@@ -290,5 +292,5 @@ def _results(
 
 
 def cores() -> int:
-    """Number of cores that this process may use."""
+    """Number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0))

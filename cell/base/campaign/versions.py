@@ -23,7 +23,9 @@ ROOT = Path(__file__).resolve().parents[3]
 
 @cache
 def code() -> str:
-    """Digest of all source files on which the outcomes of a campaign depend."""
+    """Digest, 12 digits, of all source files on which the outcomes of a campaign
+    depend.
+    """
     return sources(ROOTS, ("*.py",), NO_OUTCOME)[:12]
 
 
@@ -51,8 +53,8 @@ def sources(
     patterns: Sequence[str] = ("*.py", "*.yaml"),
     without: tuple[str, ...] = (),
 ) -> str:
-    """Digest, 16 digits, of the files at and below `paths`, except those named by
-    `without`.
+    """Digest, 16 digits, of the files at and below `paths` that match `patterns`,
+    except those named by `without`.
     """
     digest = hashlib.sha256()
     for pattern in patterns:

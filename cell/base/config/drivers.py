@@ -32,8 +32,8 @@ class Driver:
 
     @property
     def is_franka(self) -> bool:
-        """Whether it drives a Franka arm, real or emulated, whose joints and limits are
-        known.
+        """Whether this driver is for a Franka arm, real or emulated, whose joints and
+        limits are known.
         """
         return self == DRIVERS["arms"]["fci"]
 

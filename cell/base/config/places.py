@@ -21,8 +21,8 @@ CHECKOUT_CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 
 @dataclass(frozen=True, slots=True)
 class Configs:
-    """Folder of configuration: cell.yaml, strips/NAME.yaml, plants/NAME.yaml,
-    mechanisms.
+    """Folder of configuration, which holds cell.yaml, strips/NAME.yaml,
+    plants/NAME.yaml and mechanisms.
     """
 
     folder: Path
@@ -50,15 +50,15 @@ class Configs:
         )
 
     def strip_path(self, name: str) -> Path:
-        """Path of the strip file `name`, or of one at a path in .yaml; or
-        ConfigurationError.
+        """Path of the strip file `name`, which may also be a path itself;
+        ConfigurationError for an unknown name.
         """
         remedy = "make one with `cell strips new`, or give a path to a .yaml file"
         return self._file("strip", name, remedy)
 
     def plant_path(self, name: str) -> Path:
-        """Path of the plant file `name`, or of one at a path in .yaml; or
-        ConfigurationError.
+        """Path of the plant file `name`, which may also be a path itself;
+        ConfigurationError for an unknown name.
         """
         remedy = (
             "name one, or give the path to a strip file that lies on the twin's desk"

@@ -28,8 +28,8 @@ class Closable(Protocol):
 
 
 class CalibrationAids(Protocol):
-    """Protocol of a twin's calibration aids: it moves the board and pointer that a
-    person would.
+    """Protocol of the twin's calibration aids, which move the board and the pointer
+    that a person would hold.
     """
 
     def show_board(self, wanted: WantedView) -> Frame:
@@ -66,7 +66,7 @@ class Devices:
     real_time: bool = False
 
     def connect(self) -> None:
-        """Connect the arm and the camera."""
+        """Connect to the arm and to the camera."""
         self.arm.connect()
         self.camera.connect()
 

@@ -86,8 +86,8 @@ def approach_poses(length: float, fold: FoldSettings) -> tuple[Pose, ...]:
 
 
 def taut_edge(touch: Touch) -> float:
-    """Position x [m] that the grasped edge would have if the upper layer lay taut after
-    `touch`.
+    """Position x [m] of the grasped edge if the upper layer lay taut from the `touch`
+    of the layers on.
     """
     return touch.x - touch.to_grasped
 
@@ -103,15 +103,17 @@ def edge_target(taut: float, goal: float) -> float:
 
 
 class LayPlan(NamedTuple):
-    """Lay of a grasped edge: the `path` to where it is down, and x [m] where it is to
-    lie, `end`, released.
+    """Plan for laying a grasped edge: the `path` of the gripper, and the position x
+    [m], `end`, of the edge after its release.
     """
 
     path: Path
     end: float
 
     def held(self, pushed: float = 0.0) -> Pose:
-        """Pose of the gripper once the edge is down and was `pushed` on by some m."""
+        """Pose of the gripper when the edge is down and has been pushed on along x by
+        `pushed` [m].
+        """
         x, z = self.path.points[-1].tolist()
         return Pose(x + pushed, z, HANGING)
 
