@@ -36,7 +36,7 @@ from cell.report.page import (
     stated_settings,
     truth_of,
 )
-from cell.report.page_verdict import PageVerdict
+from cell.report.page_verdict import FOLDED_TOLERANCE, PageVerdict
 from cell.report.words import (
     MINUS,
     NO_VALUE,
@@ -46,7 +46,7 @@ from cell.report.words import (
     plural,
     seconds,
 )
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, in_mm
 from drivers.base.outputs import write_output
 from drivers.base.readers import read_picture
 
@@ -253,12 +253,18 @@ def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerd
     true = _nearest_first((one.name, one.truth.get(key)) for one in compared)
     if not measured:
         return PageVerdict("fair", "No run has a displacement", ())
-    sentences = [f"{what}, by the camera: {_listed(measured)}."]
+    sentences = [
+        f"{what}, by the camera: {_listed(measured)}; up to"
+        f" {in_mm(FOLDED_TOLERANCE)} count as folded."
+    ]
     if true:
-        sentences.append(f"The same in truth, which the twin knows: {_listed(true)}.")
+        sentences.append(f"The simulated strip itself: {_listed(true)}.")
     sentences += _parting(compared)
     if differing:
-        advice = " Next: fold again with one alone changed, to learn which does it."
+        advice = (
+            " Next: fold again with the first of these alone changed, then the next, to"
+            " learn which makes the difference."
+        )
         sentences.append(
             f"Set differently: {', '.join(differing)}.{advice if differing[1:] else ''}"
         )
@@ -278,21 +284,23 @@ def _parting(compared: Sequence[Compared]) -> list[str]:
     """Sentence on when and how far the grippers of the first two runs part before the
     layers touch; none where one has no motion.
     """
-    one, other = (each.run.ticks for each in compared[:2])
+    pair = compared[:2]
+    one, other = (each.run.ticks for each in pair)
     if min(one.t.size, other.t.size) == 0:
         return []
-    touches = (each.row.touch for each in compared[:2])
+    touches = (each.row.touch for each in pair)
     t = one.t[one.t <= min(other.t[-1], *filter(None, touches))]
     beside = [np.interp(t, other.t, getattr(other, axis)) for axis in ("x", "z")]
     apart = np.hypot(one.x[: t.size] - beside[0], one.z[: t.size] - beside[1])
     most = int(np.argmax(apart))
-    names = " and ".join(each.name for each in compared[:2])
+    names = " and ".join(each.name for each in pair)
     if apart[most] < PARTED:
         return [f"The paths of {names} stay within {millimetres(apart[most])}."]
     begin = seconds(t[np.argmax(apart >= PARTED)])
     return [
-        f"Before the layers touch, the paths of {names} part {begin} after the lift,"
-        f" and are {millimetres(apart[most])} apart at {seconds(t[most])}."
+        f"Before the layers touch, the paths of {names} separate {begin} after the"
+        f" lift, and are farthest apart, {millimetres(apart[most])}, at"
+        f" {seconds(t[most])}."
     ]
 
 

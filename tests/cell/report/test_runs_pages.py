@@ -71,7 +71,7 @@ def test_comparison_has_every_run_and_what_differs(
     assert text.count("<svg") == 1
     assert "by the camera: 0000" in text
     assert re.search("The paths of 0000 .* and 0001 circular stay within", text)
-    assert "in truth, which the twin knows: 0000" in text
+    assert "The simulated strip itself: 0000" in text
     assert links(page) == [folder / "report.html" for folder in three]
     assert all(path.is_file() for path in links(page))
 
@@ -81,7 +81,7 @@ def test_comparison_says_when_two_paths_part_and_how_far(three: list[Path]) -> N
     call("report", *three[:2])
     text = (three[0].parent / "compare.html").read_text("utf-8")
     assert re.search(
-        r"part [1-9][\d.]+&nbsp;s after the lift, and are 5.0&nbsp;mm", text
+        r"separate [1-9][\d.]+&nbsp;s after the lift, and are farthest apart, 5.0", text
     )
 
 
