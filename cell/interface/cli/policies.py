@@ -311,7 +311,10 @@ def serve(
     between: Annotated[
         float | None,
         length_option(
-            "--between", "Thickness of what the fingers close on, as 0.9mm.", "mm", 0.0
+            "--between",
+            "Thickness of what the fingers close on, as 0.9mm [mm].",
+            "mm",
+            0.0,
         ),
     ] = None,
     as_json: Json = False,

@@ -36,7 +36,7 @@ def run_bare(script: str, *words: str, at: Path) -> subprocess.CompletedProcess[
 def test_pages_and_program_install_the_extras_alike() -> None:
     pages = [ROOT / "README.md", *(ROOT / "runbooks").rglob("*.md")]
     text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
-    lines = re.findall(r"pip install [^`\n&]*", text)
+    lines = re.findall(r"pip install [^`\n&]*-e '?\.[^`\n&]*", text)
     assert len(lines) >= 6
     for line in lines:
         extras = re.findall(r"'\.\[(\w+)\]'", line)
