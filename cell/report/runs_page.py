@@ -247,8 +247,9 @@ def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerd
     laid = all(
         row.edge_offset is not None for row in rows if row.displacement is not None
     )
-    key = "edge_offset" if laid else "displacement"  # one length for all runs
-    what = "Edges apart" if laid else "Displacement where the layers touch"
+    key, what = "displacement", "Displacement where the layers touch"
+    if laid:  # one length for all runs
+        key, what = "edge_offset", "Edges apart"
     measured = _nearest_first((one.name, getattr(one.row, key)) for one in compared)
     true = _nearest_first((one.name, one.truth.get(key)) for one in compared)
     if not measured:

@@ -10,6 +10,7 @@ import pytest
 
 from cell.folding.documents import result_content
 from cell.folding.fold import _warning
+from cell.gap.report.sentence import capitalised
 from cell.perception.length_checks import (
     DOUBTED,
     LENGTHS,
@@ -32,17 +33,23 @@ def off_by(spreads: float) -> LengthCheck:
 
 
 def test_what_differs_by_more_than_its_spread_allows_is_doubted_then_refuted() -> None:
-    sizes = [0.0, DOUBTED - 0.1, DOUBTED + 0.1, REFUTED - 0.1, REFUTED + 0.1]
+    sizes = [DOUBTED - 0.1, DOUBTED + 0.1, REFUTED - 0.1, REFUTED + 0.1]
     witnesses = [off_by(size) for size in sizes]
-    assert disagreements(witnesses) == tuple(reversed(witnesses[2:]))
-    assert disagreements(witnesses, REFUTED) == (witnesses[4],)
+    assert disagreements(witnesses) == tuple(reversed(witnesses[1:]))
+    assert disagreements(witnesses, REFUTED) == (witnesses[3],)
+
+
+def test_a_displacement_is_doubted_from_three_spreads_on_the_cells_lengths_from_four():
+    names = "displacement", *LENGTHS
+    witnesses = [LengthCheck(name, 0.0035, 0.001) for name in names]
+    assert [*doubts(witnesses)] == ["displacement"]
 
 
 def test_held_end_is_one_witness_by_the_images_that_show_it_close_to_the_gripper():
     held = replace(
         SEEN, profile=np.array([(0.3, 0.1), (0.304, 0.2)]), gripper=(0.3, 0.204)
     )
-    hidden = replace(held, gripper=(0.3, 0.23)), replace(held, profile=np.empty((0, 2)))
+    hidden = replace(held, gripper=(0.3, 0.23)), replace(held, profile=held.profile[:0])
     offsets = [held_end_offset(seen) for seen in (held, *hidden)] + [0.004] * 8
     assert compare_grip(offsets, 0.0003) == ()
     (witness,) = compare_grip([*offsets, 0.2], 0.0003)
@@ -70,10 +77,8 @@ def test_a_disagreement_stands_on_the_terminal_in_json_in_the_record_and_on_the_
     content = {"schema": 1, **result_content(outcome)}
     run = replace(read_run(finished), result=Result.model_validate(content))
     sentences = verdict_of(run).sentences
-    assert any(
-        sentence.startswith(said[0].upper() + said[1:]) for sentence in sentences
-    )
-    assert not any("grip" in sentence.lower() for sentence in sentences)
+    assert any(sentence.startswith(capitalised(said)) for sentence in sentences)
+    assert "grip" not in str(sentences).lower()
 
 
 @pytest.mark.parametrize(
