@@ -26,15 +26,16 @@ FIELDS = {"payload": "fci.tool", "control_delay": "twin.arm.robot_delay"}
 
 
 class CellArm(InverseDynamics):
-    """Cell's own arm as a mechanism, whose torques inverse dynamics predicts along its
-    motion.
+    """The cell's own robot arm as a mechanism, whose joint torques are predicted by
+    inverse dynamics along its measured motion.
     """
 
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Content of the arm's file, and the patch of cell.yaml: tool's load and arm's
-        delay.
+        """Content of the arm's refitted file, and the patch of the cell file, which
+        holds the mass that the arm carries and the delay of its commands, where these
+        were fitted.
         """
         content, _ = super().patch(base, effects, source)
         found: dict[str, object] = {}
@@ -47,8 +48,8 @@ class CellArm(InverseDynamics):
         return content, {"effects": {}, **found} if found else None
 
     def _tool(self, mass: float) -> dict[str, object]:
-        """Mass [kg] and centre of mass [m, flange frame] of the hand with a load at its
-        tip.
+        """Mass [kg] and centre of mass [m, frame of the flange] of the robot's hand
+        with a point load `mass` [kg] at its tip.
         """
         model = self.mechanism.model
         hand = model.body("hand")
@@ -62,8 +63,8 @@ class CellArm(InverseDynamics):
     def consequences(
         self, base: Mapping[str, float], effects: NamedValues
     ) -> Sequence[str]:
-        """Sentences on how far named effects move the gripper, and where `accept` puts
-        them.
+        """Sentences on how far each of the given effects moves the gripper, and into
+        which file `cell gap accept` writes it.
         """
         sentences: list[str] = []
         for name, values in effects.items():
@@ -88,8 +89,8 @@ class CellArm(InverseDynamics):
     def _moved_by(
         self, name: str, values: Array, run: FitRun, base: Mapping[str, float]
     ) -> Array:
-        """Distances (k,) [m] by which the effect `name` alone moves the gripper along a
-        run.
+        """Distances [m] by which the effect `name` alone moves the gripper, one for
+        each reading of a run.
 
         A torque that the robot does not expect deflects a joint by torque / STIFFNESS.
         """
@@ -114,8 +115,8 @@ class CellArm(InverseDynamics):
 
 
 def _tips(model: Any, q: Array) -> Array:
-    """Positions (k, 3) [m] of the tip of a `model` for joint angles `q` (k, 7)
-    [rad].
+    """Positions [m] of the tip of a `model`, one row of three coordinates for each row
+    of seven joint angles `q` [rad].
     """
     places = [
         data.site("tip").xpos.copy() for data in poses(model, q, mujoco.mj_kinematics)

@@ -31,8 +31,8 @@ LARGEST_CONDITION = 100.0
 
 
 def transmissions(model: Any, data: Any) -> Array:
-    """Moment arms (actuators, dofs) of actuators in the pose of `data`, with positions
-    computed.
+    """Moment arms of the actuators in the pose of `data`, a row for each actuator and a
+    column for each degree of freedom, where MuJoCo has already computed positions.
     """
     dense = np.zeros((model.nu, model.nv))
     mujoco.mju_sparse2dense(
@@ -46,8 +46,8 @@ def transmissions(model: Any, data: Any) -> Array:
 
 
 class ClosedLoops:
-    """Closed loops of a model: some joints are `independent`, equalities determine the
-    others.
+    """Closed kinematic loops of a model, in which the positions of some joints, listed
+    in `independent`, determine those of the others by equality constraints.
 
     The joints numbered `inputs` are measured; of these, those with a motor lead. Joints
     that `stand` at their stated pose are neither measured nor in a loop with the
@@ -90,8 +90,8 @@ class ClosedLoops:
             )
 
     def _jacobian(self, q: Array) -> tuple[Array, Array]:
-        """Jacobian (rows, n) and gaps (rows,) of the equalities at positions `q`
-        (n,).
+        """Jacobian of the equality constraints, a row for each constraint and a column
+        for each joint, and by how much each is violated at the joint positions `q`.
         """
         data = self._data
         data.qpos[:] = q
@@ -100,8 +100,8 @@ class ClosedLoops:
         return data.efc_J[: rows * len(q)].reshape(rows, -1), data.efc_pos[:rows]
 
     def close(self, angles: Array) -> Array:
-        """Positions (m, n) of all joints, loops closed, from independent ones at angles
-        (m, k).
+        """Positions of all joints with loops closed, a row for each row of `angles`,
+        which holds the positions of the independent joints.
         """
         q = np.array(self._model.qpos0)
         found = []
@@ -151,8 +151,8 @@ class ClosedLoops:
         return np.array(forces), np.array(motions), np.array(movable)
 
     def gap(self, q: Array) -> float:
-        """Root mean square [m or rad] by which positions `q` (m, n) leave the loops
-        open.
+        """Root mean square [m or rad] by which the joint positions `q`, a row for each
+        pose, leave the loops open.
         """
         squares = []
         for row in q:
@@ -162,7 +162,9 @@ class ClosedLoops:
 
 
 def _with_equalities_alone(model: Any) -> Any:
-    """Copy of `model` in whose Jacobian of constraints only equalities have rows."""
+    """Copy of the MuJoCo `model` in which only equality constraints act: contacts, dry
+    friction and joint limits are off.
+    """
     copied = copy.copy(model)
     off = mujoco.mjtDisableBit
     copied.opt.disableflags = (
@@ -173,7 +175,9 @@ def _with_equalities_alone(model: Any) -> Any:
 
 
 def _leading(motions: Array, order: Sequence[int]) -> list[int]:
-    """First joints in this `order` of which the `motions` (n, k) of all are made."""
+    """Numbers of the first joints, taken in the given `order`, whose rows of `motions`
+    are linearly independent, so that they determine the motion of all joints.
+    """
     leading: list[int] = []
     for joint in order:
         if np.linalg.matrix_rank(motions[[*leading, joint]]) > len(leading):

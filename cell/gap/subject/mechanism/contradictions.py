@@ -48,7 +48,8 @@ HOLD = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 
 
 class JointTorques(NamedTuple):
-    """Torques (n,) at one joint in one run, `measured` and by the stated `model`.
+    """Torques at one joint in one run, one for each time, both `measured` and as the
+    stated `model` predicts them.
 
     `t` (n,) [s] are their times, `q`, `v`, `a` (n,) the motion of the joint. What is
     faster than `cutoff` [rad/s] was filtered out.
@@ -64,8 +65,8 @@ class JointTorques(NamedTuple):
 
     @property
     def friction(self) -> Array:
-        """Functions (3, n) of the motion that any joint's friction and offset may
-        follow.
+        """Three functions of the joint's motion, one in each row, that its friction and
+        a constant offset may follow: one, the rate, and the smoothed sign of the rate.
         """
         v = self.v
         sliding = SLIDING * np.sqrt(np.mean(v**2)) + TINY
@@ -73,7 +74,10 @@ class JointTorques(NamedTuple):
 
     @property
     def of_motion(self) -> Array:
-        """Functions (6, n) of the motion, of which torques of its joint are made."""
+        """Six functions of the joint's motion, one in each row, that may add up to its
+        torque: the three of friction, sine and cosine of the angle, and the
+        acceleration.
+        """
         return np.vstack([self.friction, np.sin(self.q), np.cos(self.q), self.a])
 
 
@@ -134,15 +138,17 @@ def match(torques: JointTorques, noise: float) -> Match | None:
 
 
 def _beside(columns: Array, rows: Array) -> Array:
-    """Rows (..., n) less what is linear in `columns` (c, n)."""
+    """Rows of `rows` after least squares has removed from each whatever is linear in
+    the rows of `columns`.
+    """
     basis, _ = np.linalg.qr(columns.T)
     beside: Array = rows - (rows @ basis) @ basis.T
     return beside
 
 
 def _least_lag(misfits: Array) -> tuple[float, float]:
-    """Lag [s] of the least chi^2 in `misfits` (LAGS,), and its standard error, by a
-    parabola.
+    """Lag [s] at which a parabola through the chi-squared values `misfits`, one for
+    each tried lag, is least, and the standard error [s] of that lag.
     """
     k = np.clip(np.argmin(misfits), 1, LAGS - 2)
     before, least, after = misfits[k - 1 : k + 2]
@@ -154,8 +160,8 @@ def _least_lag(misfits: Array) -> tuple[float, float]:
 def judge_torques(
     mechanism: Mechanism, runs: Mapping[str, Sequence[JointTorques]]
 ) -> Iterator[Finding]:
-    """Findings on the torques of all signals by run: in another unit, sign or time, or
-    of no motion.
+    """Findings on the measured torques of all signals, run by run: those in another
+    unit, of other sign, at another time than the model's, or of no motion at all.
 
     What most runs show is said of all; a run that differs from the others, by name.
     """
@@ -183,8 +189,8 @@ def judge_torques(
 def _late(
     mechanism: Mechanism, by_run: Mapping[str, Sequence[tuple[float, float]]]
 ) -> Iterator[Finding]:
-    """Findings on torques that are late or early beside the motion, by their lags and
-    errors [s].
+    """Findings on measured torques that are late or early beside the motion, from the
+    lags [s] of all signals in each run with their standard errors [s].
 
     All torques have one clock in all runs, or else in a run that differs from the
     others by more than they do from each other.
@@ -207,8 +213,8 @@ def _late(
 def _pooled(
     lags: Sequence[tuple[float, float]], scatter: float = 0.0
 ) -> tuple[float, float, float]:
-    """Mean of lags with their standard errors [s], its own error, and their scatter
-    beyond errors.
+    """Weighted mean of the given lags [s] with their standard errors, the standard
+    error of that mean, and the scatter of the lags beyond their errors.
 
     What a mechanism lacks shifts each lag by another amount: random effects, of at
     least the stated `scatter` (DerSimonian and Laird 1986, Meta-analysis in clinical
@@ -226,7 +232,9 @@ def _pooled(
 
 
 def _said(by_run: Mapping[str, Finding | None]) -> Iterator[Finding]:
-    """Faults of one signal by run, one that most runs share once for all."""
+    """Faults of one signal, given by run; a fault that most runs have is yielded once
+    for all of them, others with the name of their run.
+    """
     faults = [(run, fault) for run, fault in by_run.items() if fault]
     counts = Counter(fault.what for _, fault in faults)
     shared = {what for what, n in counts.items() if n > max(1.0, MOST * len(by_run))}
@@ -245,7 +253,9 @@ def _said(by_run: Mapping[str, Finding | None]) -> Iterator[Finding]:
 def _fault(
     mechanism: Mechanism, signal: Signal, found: Match, usual: float
 ) -> Finding | None:
-    """Fault of one signal in one run, if any; `usual` is the factor of most runs."""
+    """Finding on one `signal` in one run, or None where its torques agree with the
+    model; `usual` is the factor between measured and predicted torque in most runs.
+    """
     name = signal.name
     factor = found.factor
     if found.explained < FREE:
@@ -274,8 +284,8 @@ def _fault(
 
 
 def _unit(mechanism: Mechanism, signal: Signal, factor: float) -> Finding | None:
-    """Finding on torques that are far from the model's, with the unit or gear it may
-    be.
+    """Finding on a `signal` whose torques are `factor` times the model's, with the unit
+    or gear that may explain it, or None where the factor is near one.
     """
     size = abs(factor)
     name = signal.name
@@ -301,7 +311,9 @@ def _unit(mechanism: Mechanism, signal: Signal, factor: float) -> Finding | None
 
 
 def _is_near(size: float, known: float, within: float) -> bool:
-    """Whether a `size` is a `known` one up to a factor `within`, either way."""
+    """Whether `size` differs from the number `known` by less than the factor `within`,
+    up or down.
+    """
     return 1.0 / within < size / known < within
 
 
@@ -322,7 +334,9 @@ def _lag(lag: float) -> Finding:
 
 
 def contradictions(mechanism: Mechanism) -> Iterator[Finding]:
-    """Findings on readings that were mended or stand still, and on what touches."""
+    """Findings on recordings with angles that were unwrapped or readings that never
+    change, and on parts of the model that touch along the measured motion.
+    """
     for recording in mechanism.recordings:
         for words in recording.notes:
             yield Finding(what="wrapped", run=recording.name, words=words, remedy="")
@@ -331,8 +345,8 @@ def contradictions(mechanism: Mechanism) -> Iterator[Finding]:
 
 
 def _standing(mechanism: Mechanism, recording: Recording) -> Iterator[Finding]:
-    """Findings on a run that does not move, or on readings that stay while others
-    change.
+    """Findings on a recording in which no joint moves, or in which some column never
+    changes while others do.
     """
     columns = recording.columns
     positions = mechanism.places
@@ -353,8 +367,8 @@ def _standing(mechanism: Mechanism, recording: Recording) -> Iterator[Finding]:
 
 
 def _touching(mechanism: Mechanism) -> Iterator[Finding]:
-    """Findings on geoms that touch along the measured motion, where contacts are left
-    out.
+    """Findings on geoms that touch along the measured motion, in a model whose contacts
+    are switched off.
     """
     model = mechanism.model
     places = mechanism.places
@@ -387,8 +401,9 @@ def _geom_name(model: Any, geom: int) -> str:
 
 
 def _pairs(model: Any, q: Array) -> Counter[tuple[int, int]]:
-    """Number of poses q (m, joints) in which two geoms meet, neighbours and tied bodies
-    aside.
+    """Pairs of geoms that meet, each with the number of poses in which it does, among
+    joint positions `q` with a row for each pose; bodies that belong together are left
+    out.
     """
     colliding = copy.copy(model)
     off = mujoco.mjtDisableBit
@@ -404,7 +419,9 @@ def _pairs(model: Any, q: Array) -> Counter[tuple[int, int]]:
 
 
 def _tied_bodies(model: Any) -> set[frozenset[int]]:
-    """Pairs of bodies that an equality holds together."""
+    """Pairs of the numbers of those bodies that an equality constraint of the `model`
+    holds together.
+    """
     found = set()
     both = np.stack([model.eq_obj1id, model.eq_obj2id], axis=1)
     for ends, of, kind in zip(both, model.eq_objtype, model.eq_type, strict=True):
@@ -417,8 +434,8 @@ def _tied_bodies(model: Any) -> set[frozenset[int]]:
 def _belong_together(
     model: Any, tied: set[frozenset[int]], one: int, other: int
 ) -> bool:
-    """Whether the bodies of two geoms are one, tied, siblings or neighbours along the
-    tree.
+    """Whether two geoms, given by number, lie on the same body, on bodies that an
+    equality constraint ties, or on siblings or close neighbours in the tree of bodies.
     """
     if {model.geom_type[one], model.geom_type[other]} & {*UNBOUNDED}:
         return False
@@ -431,8 +448,8 @@ def _belong_together(
 
 
 def _ancestors(model: Any, body: int) -> list[int]:
-    """Body that carries another, and the next one unless it is the world; -1 above
-    that.
+    """Numbers of the body that carries the given `body` and of the one that carries
+    that, with -1 in place of the second where it is the world.
     """
     carriers = model.body_weldid[model.body_parentid]
     parent = carriers[body]

@@ -22,8 +22,8 @@ Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
 
 
 class Readings(NamedTuple):
-    """Errors of sensors and commands: a reading of x(t) is (1 + scale) x(t - delay) +
-    bias.
+    """Errors of sensors and commands, where a sensor reads (1 + scale) x(t - delay) +
+    bias for the true quantity x at time t.
 
     `bias` and `scale` are those of encoders (encoders,), delays (1,) are in [s].
     `command` delays every command; `elastic` (joints,) [rad/(N m)] and `gap` (joints,)
@@ -40,8 +40,8 @@ class Readings(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class MechanismEffect:
-    """Effect in the library of mechanisms: its parameters, and functions by which it
-    acts.
+    """Effect in the library of mechanisms, such as dry friction: its parameters, and
+    the functions by which it changes a simulation.
 
     At the start values of its parameters it changes nothing. It acts by one or more of
     these:
@@ -97,8 +97,8 @@ class MechanismEffect:
         return is_edit and (self.law is None or mechanism.mode.fields)
 
     def moves(self, mechanism: Mechanism) -> bool:
-        """Whether it changes what is computed once: a simulation, or torques of a true
-        motion.
+        """Whether the effect changes what is computed once for several requests, which
+        is a simulation, or in inverse dynamics the torques of the true motion.
         """
         # is an error of reading a motion
         falsifies = self.read in ("delay", "bias", "scale")
@@ -107,8 +107,8 @@ class MechanismEffect:
         return not falsifies
 
     def candidate(self, mechanism: Mechanism) -> Candidate:
-        """Candidate effect of `mechanism`, screened one parameter at a time from small
-        to large.
+        """Effect as a candidate for the fit of `mechanism`, with the values at which it
+        is tried first: one parameter at a time, from small to large.
         """
         parameters = self.parameters(mechanism)
         null = starts(parameters)
@@ -137,15 +137,15 @@ class MechanismEffect:
         )
 
     def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
-        """Parameters of the effect in `mechanism`, then those that shape its law, if
-        not fixed.
+        """Parameters of the effect in `mechanism`, then those that shape its torque
+        function, unless the mode of prediction keeps these fixed.
         """
         shapes = self.shape(mechanism) if mechanism.mode.shapes else ()
         return (*self.parameters(mechanism), *shapes)
 
     def table(self, mechanism: Mechanism, values: Array) -> Array:
-        """Parameter table (keys, joints) from the first `values` (k,), others at their
-        start.
+        """Parameter values with a row for each kind of parameter and a column for each
+        joint, of which the first are `values` and the others have their start values.
         """
         missing = starts(self.with_shape(mechanism)[len(values) :])
         acts = [joint.actuator >= 0 or not self.of_drives for joint in mechanism.joints]
@@ -165,8 +165,8 @@ def per_joint(
     role: Role = "amount",
     high: float = 250.0,
 ) -> tuple[Parameter, ...]:
-    """Parameters `key_JOINT` of all joints, of typical `size` (joints,), in N and m for
-    slides.
+    """Parameters named `key_JOINT`, one for each joint, of typical sizes `size`; in
+    their `unit`, slides have N and m in place of N m and rad.
     """
     slides = unit.replace("N m", "N").replace("rad", "m")
     found = []
@@ -186,7 +186,9 @@ def single_parameter(
     signed: bool = False,
     high: float = 250.0,
 ) -> tuple[Parameter, ...]:
-    """One parameter `key` of typical `size` for the whole mechanism, as a tuple."""
+    """Tuple of one parameter named `key` for the whole mechanism, which starts at zero
+    and typically has the given `size` in its `unit`.
+    """
     low = -high * size if signed else 0.0
     step = size / STEPS_PER_SIZE
     spread = SIZES_PER_SPREAD * size
@@ -212,7 +214,8 @@ def shapes(
     step: float,
     spread: float = 1.0,
 ) -> tuple[Parameter, ...]:
-    """Shapes `key_JOINT` of a law at `starts` (joints,) that are above zero.
+    """Parameters named `key_JOINT` that shape the torque function of an effect, one for
+    each of `joints`, with positive start values `starts`.
 
     Bounds, step of finite differences and prior spread are in units of each start.
     """
@@ -240,8 +243,8 @@ def errors(
     high: float,
     spread: float,
 ) -> tuple[Parameter, ...]:
-    """Parameters `key_NAME` from `low` to `high` about zero, one for each of
-    `names`.
+    """Parameters named `key_NAME`, one for each of `names`, that start at zero and lie
+    between `low` and `high` in their `unit`.
     """
     return tuple(
         Parameter(
@@ -258,7 +261,9 @@ def errors(
 
 
 def add_to(field: str) -> Callable[[Mechanism, Array, Any], None]:
-    """Function that adds each joint's first value to a model's `field`."""
+    """Function that edits a MuJoCo model: it adds the first parameter value of each
+    joint to the array `field` of the model.
+    """
 
     def edit(mechanism: Mechanism, values: Array, edited: Any) -> None:
         rows = getattr(edited, field).reshape(len(mechanism.joints), -1)
@@ -272,5 +277,7 @@ Known = Sequence[tuple[MechanismEffect, Array]]
 
 
 def readings_of(known: Known) -> Readings:
-    """Errors of sensors and commands made by effects `known`."""
+    """Errors of sensors and commands that the effects in `known`, each given with its
+    parameter values, state.
+    """
     return Readings(**{effect.read: values for effect, values in known if effect.read})

@@ -50,16 +50,16 @@ ACTUATOR = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
 
 
 class Commands(NamedTuple):
-    """Commands `u` (m, actuators) of a run, each held from its time in `t` (m,) [s]
-    on.
+    """Commands of a run to the actuators, a row in `u` for each time in `t` [s], each
+    held from its time to the next.
     """
 
     t: Array
     u: Array
 
     def at_steps(self, step: float, steps: int, delay: Array | float) -> Array:
-        """Mean commands (steps, actuators) in each time step of `step` [s], `delay` [s]
-        late.
+        """Mean command of each actuator in each of the time steps, `steps` rows for
+        steps of `step` [s], where commands act `delay` [s] late.
         """
         if not self.u.shape[1]:
             return np.zeros((steps, 0))
@@ -76,7 +76,9 @@ class Commands(NamedTuple):
 
 
 def commands_of(mechanism: Mechanism, recording: Recording) -> Commands:
-    """Commands of actuators in a recording, on a grid if a controller held them."""
+    """Commands of the actuators in a recording, at the times of its readings or, where
+    a controller held each for a fixed time, on the grid of these times.
+    """
     model = mechanism.model
     file = mechanism.file
     read = recording.t
@@ -94,7 +96,8 @@ def commands_of(mechanism: Mechanism, recording: Recording) -> Commands:
 
 
 def along_motion(mechanism: Mechanism) -> Mechanism | None:
-    """A simulated mechanism as one of mode prescribed, with all torques that are known.
+    """Copy of a simulated mechanism for inverse dynamics along its measured motion,
+    which compares all torques that are known.
 
     They are measured ones, and those of motors that commands alone determine. None
     where there are none, where a joint's motion is not measured, or where joints bear
@@ -131,7 +134,9 @@ def along_motion(mechanism: Mechanism) -> Mechanism | None:
 
 
 def _commanded(model: Any, motor: Any) -> Signal:
-    """Signal of the force [N m or N] that a command asks of a `motor`."""
+    """Signal that stands for the force [N m or N] that the command of a `motor` asks of
+    it.
+    """
     title = f"{motor.name} {COMMAND}"
     return Signal(
         name=title,
@@ -148,8 +153,8 @@ def _commanded(model: Any, motor: Any) -> Signal:
 
 
 class SplitModel:
-    """MuJoCo model of flexible joints: each is split in motor and link with a gear
-    between.
+    """MuJoCo model in which each joint is split into one of the motor and one of the
+    link, with an elastic gear or play between them.
 
     `motor` (joints,) are the indices of the motors' degrees of freedom.
     """
@@ -174,8 +179,8 @@ class SplitModel:
             getattr(split, field)[self._flex] = 0.0
 
     def _add_flexible_joints(self, spec: Any) -> None:
-        """Add a second joint about the same axis to each joint of a specification's
-        bodies.
+        """Add to each joint of a model's specification a second one about the same
+        axis, for the motion of the link on its gear.
         """
         for joint in spec.joints:
             flex = joint.parent.add_joint(name=joint.name + FLEX, type=joint.type)
@@ -186,7 +191,9 @@ class SplitModel:
             flex.limited = mujoco.mjtLimited.mjLIMITED_FALSE
 
     def soft(self, edited: Any, readings: Readings) -> Any:
-        """Copy of the model `edited` of a case with split joints."""
+        """Copy of the split model that has the fields of the `edited` model, and the
+        gears that `readings` state.
+        """
         found = copy.copy(self._model)
         found.opt.gravity[:] = edited.opt.gravity
         found.opt.density = edited.opt.density
@@ -199,8 +206,8 @@ class SplitModel:
         return found
 
     def _inertias(self, found: Any) -> tuple[Array, Array]:
-        """Inertias of links, and of motors, to which an inertia is added where they
-        have none.
+        """Inertias of the links and of the motors, of which each motor gets a small
+        share of its link's inertia where it has none in the model `found`.
         """
         links = self._mechanism.inertia
         motors = np.maximum(found.dof_armature[self.motor], SHARE * links)
@@ -241,11 +248,13 @@ class SplitModel:
 
 
 class PivotModel(SplitModel):
-    """Model of a chain of hinges whose pivot slides sideways on a spring."""
+    """Model of a chain of hinges, such as a pendulum, whose pivot slides sideways on a
+    spring.
+    """
 
     def _add_flexible_joints(self, spec: Any) -> None:
-        """Add a slide at the pivot before the first hinge, for joints move in their
-        order.
+        """Add a slide at the pivot before the first hinge of a model's specification;
+        the hinge is made anew, because joints of one body move in their order.
         """
         first = spec.joints[0]
         body = first.parent
@@ -258,14 +267,16 @@ class PivotModel(SplitModel):
         body.add_joint(name=name, axis=axis)
 
     def _inertias(self, found: Any) -> tuple[Array, Array]:
-        """Mass [kg] that the pivot bears, as that of links and of motors."""
+        """Mass [kg] that the pivot bears, once as the inertia of the link and once as
+        that of the motor.
+        """
         mass = np.array([found.body_mass.sum()])
         return mass, mass
 
 
 class ForwardDynamics(MechanismSubject):
-    """Predicts a mechanism's signals by a simulation that the recorded commands
-    drive.
+    """Measured runs of a mechanism whose signals are predicted by a simulation that the
+    recorded commands drive.
     """
 
     def __init__(
@@ -291,8 +302,8 @@ class ForwardDynamics(MechanismSubject):
         return make(self.mechanism)
 
     def check(self, origin: str) -> None:
-        """Refuse a bad model, or a time step whose half moves a run by a third of its
-        noise.
+        """Raise ConfigurationError for a model that cannot be simulated, or for a time
+        step whose half changes a run by more than a third of its noise.
         """
         super().check(origin)
         mechanism = self.mechanism
@@ -310,8 +321,8 @@ class ForwardDynamics(MechanismSubject):
             )
 
     def contradictions(self) -> Iterator[Finding]:
-        """Findings on recordings, and on torques and commands in another unit or sign
-        than the model's along the measured motion.
+        """Findings on the recordings, and on measured torques and commands in another
+        unit or of another sign than the model's along the measured motion.
 
         When commands act is for the fit to find, as control_delay.
         """
@@ -323,8 +334,8 @@ class ForwardDynamics(MechanismSubject):
                 yield from (each for each in findings if each.what != "lag")
 
     def not_honoured(self) -> Iterator[str]:
-        """Names of the parts of the model that torques along a simulation would
-        ignore.
+        """Names of the parts of the model that the torques read from a simulation would
+        ignore, such as actuators that are not affine.
         """
         model = self.mechanism.model
         plain = (model.actuator_dyntype == 0) & (model.actuator_gaintype == 0)
@@ -339,7 +350,9 @@ class ForwardDynamics(MechanismSubject):
                 )
 
     def _content(self, recording: Recording, cut: Cut) -> Content:
-        """Content of a run that is simulated forward: its commands, and its start."""
+        """Readings `cut` from a run, with the commands and the start that its
+        simulation needs.
+        """
         mechanism = self.mechanism
         commands = commands_of(mechanism, recording)
         start = start_of(mechanism, recording)
@@ -347,8 +360,8 @@ class ForwardDynamics(MechanismSubject):
         return Content(cut, speed, recording.load, commands=commands, start=start)
 
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
-        """Signals (signals, k) of each simulated case; None where its simulation
-        diverges.
+        """Predicted signals of each of `cases`, a row for each signal and a column for
+        each reading; None where the simulation diverges.
         """
         by_motion: dict[Hashable, list[int]] = {}
         ends = [case.content.cut.t[-1] for case in cases]
@@ -363,8 +376,8 @@ class ForwardDynamics(MechanismSubject):
     def _predict_together(
         self, cases: Sequence[Case], groups: Sequence[Sequence[int]]
     ) -> dict[int, Array]:
-        """Signals (signals, k) by number of case, for `groups` that share a
-        simulation.
+        """Predicted signals by the index of each case, a row for each signal, where the
+        cases of each group of indices in `groups` share one simulation.
         """
         simulated = self._simulate([cases[i] for i, *_ in groups])
         found = {}
@@ -383,8 +396,8 @@ class ForwardDynamics(MechanismSubject):
         return found
 
     def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, list[Any]]:
-        """States (n, steps + 1, 2, joints) of n cases, their commands, and their edited
-        models.
+        """Simulated states of `cases`, the commands at each time step, and the edited
+        models; a state holds positions and rates of all joints for each time step.
         """
         stated = self.mechanism.model
         step = stated.opt.timestep
@@ -416,8 +429,8 @@ class ForwardDynamics(MechanismSubject):
         control: Array,
         into: Any = slice(None),
     ) -> Array:
-        """Simulated states (n, steps + 1, 2, joints) of n cases: positions and rates of
-        joints.
+        """Simulated states of `cases`, each from its start under its commands in
+        `control`: positions and rates of joints for each time step.
 
         Those of the mechanism's joints go `into` degrees of freedom of the models.
         """
@@ -445,8 +458,8 @@ class ForwardDynamics(MechanismSubject):
     def _by_gears(
         self, models: Sequence[Any], cases: Sequence[Case], control: Array
     ) -> Array:
-        """Deviation of the states of n cases by elasticity or play: split less rigid
-        models.
+        """Change of the states of `cases` by elastic gears or play: those of split
+        models less those of the same models with rigid gears.
         """
         made = self._split_model
         pairs = zip(models, cases, strict=True)
@@ -460,8 +473,8 @@ class ForwardDynamics(MechanismSubject):
     def _read(
         self, case: Case, t: Array, q: Array, v: Array, control: Array, model: Any
     ) -> Array:
-        """Sensor readings (signals, k) at times t (k,) [s], from the states q, v
-        (joints, k).
+        """Predicted sensor readings, a row for each signal and a column for each time
+        in `t` [s], from the joint positions `q` and rates `v` at these times.
         """
         mechanism = self.mechanism
         errors = case.readings
@@ -489,8 +502,8 @@ class ForwardDynamics(MechanismSubject):
     def _torque(
         self, signal: Signal, model: Any, q: Array, v: Array, control: Array, t: Array
     ) -> Array:
-        """Readings (k,) of a torque `signal` at times t (k,) [s], from states and
-        commands.
+        """Predicted readings of a torque `signal`, one for each time in `t` [s], from
+        the joint states and the commands `control`.
         """
         actuator = signal.actuator
         joint = signal.joint

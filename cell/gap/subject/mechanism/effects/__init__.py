@@ -36,8 +36,8 @@ _LOCK = threading.Lock()
 
 
 def _chain_laws(laws: Sequence[tuple[Callable[..., Array], int, int]]) -> Any:
-    """Compile torque `laws` to the function `(q, v, load, p) -> torque` of their
-    sum.
+    """Compiled function of a joint's angle, rate, gear load and parameters that gives
+    the sum of the torques of all `laws`.
     """
     if not laws:
         return kernel(lambda q, v, load, p: 0.0)  # noqa: ARG005
@@ -55,13 +55,13 @@ def _chain_laws(laws: Sequence[tuple[Callable[..., Array], int, int]]) -> Any:
 
 
 class TorqueLaws:
-    """Joint-torque laws that MuJoCo lacks; `slots` user numbers of a joint hold their
-    values.
+    """Torque functions of joint angle, rate and load that MuJoCo lacks; each joint of a
+    model has `slots` user numbers, which hold the parameters of all functions.
     """
 
     def __init__(self, laws: Sequence[tuple[str, Callable[..., Array], int]]) -> None:
-        """Assign user numbers of a joint to `laws`: name, torque function, number of
-        values.
+        """Assign places among the user numbers of a joint to `laws`, each given by its
+        name, its torque function and the number of its parameters.
         """
         self._laws: dict[str, tuple[Callable[..., Array], int, int]] = {}
         self.at: dict[str, int] = {}
@@ -73,8 +73,9 @@ class TorqueLaws:
         self._callbacks: dict[frozenset[str], Any] = {}
 
     def along(self, q: Array, v: Array, load: Array, user: Array) -> Array:
-        """Torques (m, joints) of all laws along a motion (m, joints), by `user`
-        (joints, slots).
+        """Sum of the torques of all functions, a row for each time and a column for
+        each joint, along positions `q`, rates `v` and gear loads `load` of the same
+        shape; `user` holds a row of parameters for each joint.
         """
         found = np.zeros_like(q)
         for j, p in enumerate(user):
@@ -85,8 +86,8 @@ class TorqueLaws:
 
     @contextmanager
     def install(self, names: frozenset[str], model: Any) -> Iterator[None]:
-        """Context in which MuJoCo adds torques of the laws `names` to models such as
-        `model`.
+        """Context in which MuJoCo adds the torques of the functions called `names` to
+        every simulation of models with the layout of `model`.
 
         Other threads wait.
         """
@@ -106,8 +107,8 @@ class TorqueLaws:
 
 
 def _callback(law: Any, model: Any, slots: int) -> Any:
-    """Compiled callback (MuJoCo's `mjcb_passive`) that adds the torque `law` to every
-    joint.
+    """Compiled function, to be set as MuJoCo's callback `mjcb_passive`, that adds the
+    torque that the function `law` gives to every joint.
 
     Arrays are found by the address that each has in a `model`, for the layout of
     MuJoCo's structs changes with its version.
@@ -132,12 +133,16 @@ def _callback(law: Any, model: Any, slots: int) -> Any:
 
 @cache
 def _zero() -> Any:
-    """Compiled clock that always reads zero."""
+    """Compiled function without arguments that serves MuJoCo as a clock and always
+    returns zero.
+    """
     return callback(types.float64())(lambda: 0.0)
 
 
 def _offset(struct: Any, array: Array) -> int:
-    """Offset [pointers] in a MuJoCo struct of the pointer to `array` (n,)."""
+    """Position, counted in pointers, at which a MuJoCo struct keeps the pointer to the
+    data of `array`.
+    """
     words = (ctypes.c_uint64 * STRUCT_WORDS).from_address(struct._address)
     for at, word in enumerate(words):
         if word == array.ctypes.data:
@@ -146,24 +151,30 @@ def _offset(struct: Any, array: Array) -> int:
 
 
 def _cubic(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -c v^3 of cubic damping at rates `v` (m,)."""
+    """Torque [N m] of cubic damping at joint rates `v` [rad/s]: minus the parameter
+    `p[at]` times the cube of the rate.
+    """
     return -p[at] * v**3
 
 
 def _cubic_spring(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -c q^3 of a cubic spring at angles `q` (m,)."""
+    """Torque [N m] of a cubic spring at joint angles `q` [rad]: minus the parameter
+    `p[at]` times the cube of the angle.
+    """
     return -p[at] * q**3
 
 
 def _bent_viscous(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -c |q| v of viscous friction that grows with the angle `q`
-    (m,).
+    """Torque [N m] of viscous friction that grows with the angle: minus the parameter
+    `p[at]` times the size of the angle `q` [rad] times the rate `v` [rad/s].
     """
     return -p[at] * abs(q) * v
 
 
 def _load_dry(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -c |load| sign(v), the sign smoothed over the rate `p[1]`."""
+    """Torque [N m] of dry friction in proportion to the size of the gear's `load` [N
+    m], by the factor `p[at]`; its sign is smoothed over the rate `p[1]` [rad/s].
+    """
     return -p[at] * abs(load) * v / (abs(v) + p[1])
 
 
@@ -174,8 +185,8 @@ def _term(
     size: Callable[[Mechanism], Array],
     modes: Collection[str] = MODES,
 ) -> MechanismEffect:
-    """Descriptive effect by a torque `law` of one parameter per joint, typically 0.01
-    `size`.
+    """Descriptive effect named `term_` and `name`, whose torque function `law` has one
+    parameter for each joint, typically a hundredth of what `size` gives for it.
     """
     return MechanismEffect(
         name=f"term_{name}",
@@ -224,19 +235,23 @@ def registry() -> Mapping[str, MechanismEffect]:
 
 @cache
 def library() -> Mapping[str, MechanismEffect]:
-    """Effects of mechanisms and descriptive terms by name."""
+    """All effects of mechanisms and all descriptive terms, which have no physical
+    cause, by name.
+    """
     return {**registry(), **{term.name: term for term in TERMS}}
 
 
 @cache
 def torques() -> TorqueLaws:
-    """Joint-torque laws of all effects and descriptive terms, compiled together."""
+    """Torque functions of all effects and descriptive terms of mechanisms, assigned to
+    the user numbers of a joint.
+    """
     return TorqueLaws([(e.name, e.law, e.keys) for e in library().values() if e.law])
 
 
 def candidates(mechanism: Mechanism) -> tuple[Candidate, ...]:
-    """Candidate effects of `mechanism`, without accepted ones and errors of uncertain
-    fields.
+    """Candidate effects for the fit of `mechanism`, without those that its file has
+    accepted and those that its uncertain fields already express.
     """
     file = mechanism.file
     uncertain = {spec.field for spec in file.uncertain}
@@ -250,7 +265,9 @@ def candidates(mechanism: Mechanism) -> tuple[Candidate, ...]:
 
 
 def accepted_parameters(mechanism: Mechanism) -> Iterator[Parameter]:
-    """Base parameters `effect.parameter` by which accepted effects are fitted again."""
+    """Parameters, named `effect.parameter`, by which effects that the mechanism's file
+    has accepted are fitted again from their stated values.
+    """
     for name, values in mechanism.file.effects.items():
         effect = library()[name]
         starts = ordered_values(effect, mechanism, values)
@@ -259,7 +276,9 @@ def accepted_parameters(mechanism: Mechanism) -> Iterator[Parameter]:
 
 
 def check_effects(mechanism: Mechanism) -> None:
-    """Refuse accepted effects that `mechanism` cannot have, and values out of range."""
+    """Raise ConfigurationError where the file of `mechanism` states an effect that it
+    cannot have, or a parameter value out of range.
+    """
     known = {name: e for name, e in library().items() if e.applies(mechanism)}
     for name, values in mechanism.file.effects.items():
         origin = f"{mechanism.path}: effects.{name}"
@@ -276,8 +295,8 @@ def check_effects(mechanism: Mechanism) -> None:
 def ordered_values(
     effect: MechanismEffect, mechanism: Mechanism, values: Mapping[str, float]
 ) -> Array:
-    """Values (k,) of an effect's parameters in their order; start values where not
-    given.
+    """Values of an effect's parameters as an array in their order, taken from `values`
+    by name, and the start value where a name is missing there.
     """
     found = []
     for p in effect.with_shape(mechanism):

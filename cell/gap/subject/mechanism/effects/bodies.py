@@ -100,13 +100,15 @@ def _edit_com(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def _edit_drag(mechanism: Mechanism, values: Array, edited: Any) -> None:
-    """Make the air denser: it brakes ellipsoids of geoms, or boxes of equal inertia."""
+    """Make the air of the MuJoCo model `edited` denser by the first of `values`, as a
+    multiple of the density of air, so that it brakes all bodies more.
+    """
     edited.opt.density += AIR * values[0]
 
 
 def _lean(edited: Any, x: float, y: float) -> None:
-    """Rotate the gravity of the MuJoCo model `edited` by `x` [rad] about its x axis,
-    then by `y` [rad] about y.
+    """Rotate the gravity of the MuJoCo model `edited` by `x` [rad] about the x axis of
+    the world, and by `y` [rad] about its y axis.
     """
     gravity = edited.opt.gravity
     gravity[:] = Rotation.from_euler("xy", [x, y]).apply(gravity)

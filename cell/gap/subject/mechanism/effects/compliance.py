@@ -28,13 +28,15 @@ MOTIONS = 64  # of which momenta are cached
 
 
 def _spring_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -c (q - rest) of a spring in parallel to a joint."""
+    """Torque [N m] of a spring in parallel to a joint at angles `q` [rad]: minus the
+    stiffness `p[at]` times the angle beyond the rest position `p[at + 1]`.
+    """
     return -p[at] * (q - p[at + 1])
 
 
 def _edit_spring(mechanism: Mechanism, values: Array, edited: Any) -> None:
-    """Add a spring in parallel to each joint's own, with a rest position common to
-    both.
+    """Add a spring in parallel to each joint's own in the MuJoCo model `edited`, both
+    combined into one stiffness and one rest position.
     """
     for i, (added, rest) in enumerate(CABLE_SPRING.table(mechanism, values).T):
         if added != 0.0:
@@ -45,8 +47,8 @@ def _edit_spring(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def _sway_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Parameters of a swaying base: compliances along and about the world's axes, and
-    its natural frequency and damping.
+    """Parameters of a base that sways elastically: its compliances along and about the
+    three axes of the world, its natural frequency and its damping ratio.
     """
     kinds = (
         ("compliance", "m/N", float(mechanism.model.body_mass.sum())),
@@ -70,7 +72,8 @@ def _sway_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 def _sway_path(
     mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array
 ) -> Array:
-    """Joint torques (m, joints) [N m or N] on a mechanism whose elastic base sways.
+    """Joint torques [N m or N] on a mechanism whose elastic base sways, a row for each
+    time and a column for each joint.
 
     The motion is q, v (m, joints) over t (m,) [s]; `values` are six compliances c along
     [m/N] and about [rad/(N m)] the base's axes, natural frequency f [rad/s] and damping
@@ -105,8 +108,9 @@ def _sway_path(
 
 @lru_cache(MOTIONS)
 def _momenta(model: Any, motion: bytes) -> tuple[Array, Array, Array]:
-    """Momentum Jacobians (m, 6, joints), moments of weight (m, 6), and slopes of these
-    by joint.
+    """Jacobians of the bodies' total momentum along and about the world's axes, the
+    moments of their weight, and the slopes of these moments by joint position, each for
+    every pose.
     """
     q = np.frombuffer(motion).reshape(-1, model.nv)
     mass = model.body_mass.sum()

@@ -28,8 +28,8 @@ def _edit_constant(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Constant torque (m,) [N m] `p[at]` at angles `q` (m,), rates `v` and loads `load`
-    (m,).
+    """Constant torque [N m] that equals the parameter `p[at]`, one for each of the
+    joint angles `q`, whatever the rates `v` and loads `load`.
     """
     return p[at] + 0.0 * q
 
@@ -67,8 +67,8 @@ def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] A sin(order q + phase) of cogging, with an amplitude A of
-    either sign.
+    """Torque [N m] of a motor's cogging: the amplitude `p[at]` times the sine of `p[at
+    + 1]` times the angle `q` [rad], shifted by the phase `p[at + 2]` [rad].
 
     Source: Holtz and Springob 1996, IEEE Trans. Ind. Electron. 43.
     """

@@ -30,8 +30,8 @@ YIELD = 0.02
 
 
 def _dry_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Parameters of dry friction: its torque [N m] in each joint, and its share of the
-    gear's load where that is known.
+    """Parameters of dry friction: its torque [N m] in each joint and, where the gear's
+    load is known, its increase per unit of that load.
     """
     torques = per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque)
     return torques + (_loads(mechanism) if mechanism.mode.loads else ())
@@ -46,8 +46,9 @@ def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Shape parameters of dry friction in each joint: load, asymmetry, Stribeck
-    peak.
+    """Parameters that shape dry friction in each joint: its increase with load, its
+    asymmetry between directions, and the height and width of its peak at low rates,
+    named after Stribeck.
     """
     joints = mechanism.joints
     torque = 0.01 * mechanism.torque
@@ -71,8 +72,9 @@ def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -(c + k |load| + s exp(-(v/v_s)^2)) (w + a |w|) with w = tanh(v
-    / v_0).
+    """Torque [N m] of dry friction at joint angles `q` and rates `v`: opposite to the
+    rate, constant but for its growth with `load`, a peak at low rates, and another size
+    in each direction.
     """
     sign = np.tanh(v / p[1])
     return -dry_limit(q, v, load, p, at) * (sign + p[at + 2] * abs(sign))
@@ -80,21 +82,23 @@ def dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 @register_jitable  # type: ignore[untyped-decorator]
 def dry_limit(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Size of dry friction (m,) [N m], of a joint at rest the largest torque that it
-    withstands.
+    """Size [N m] of dry friction at joint angles `q`, rates `v` and gear loads `load`;
+    of a joint at rest it is the largest torque that friction withstands.
     """
     peak = p[at + 3] * np.exp(-((v / p[at + 4]) ** 2)) if p[at + 3] else 0.0
     return p[at] + p[at + 1] * abs(load) + peak
 
 
 def _quadratic_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -c |v| v of quadratic friction at rates `v` (m,)."""
+    """Torque [N m] of quadratic friction at joint rates `v` [rad/s]: minus the
+    parameter `p[at]` times the square of the rate, with the rate's sign.
+    """
     return -p[at] * abs(v) * v
 
 
 def _presliding_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Shape parameters of presliding: torque [N m] at which each joint's elastic
-    contacts begin to slide.
+    """Parameters that shape friction before sliding: the torque [N m] at which the
+    elastic contacts of each joint begin to slide.
     """
     starts = 0.05 * mechanism.torque
     bounds = (0.02, 20.0)
@@ -118,8 +122,8 @@ def _presliding_path(
 
 @entry
 def _yielding(q: Array, stiffness: Array, most: Array) -> Array:
-    """Torques (m, joints) of elastic, perfectly plastic elements along a motion q (m,
-    joints).
+    """Torques of one elastic, perfectly plastic element in each joint, a row for each
+    time and a column for each joint, along the joint positions `q` of the same shape.
     """
     out = np.zeros_like(q)
     for k in range(1, len(q)):
