@@ -40,8 +40,8 @@ DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
 
 
 class Contradiction(NamedTuple):
-    """How far a recorded fold contradicts itself in one respect: `off` (n,) [m, rad,
-    s], its `file`, and limits on `off`.
+    """How far a recorded fold contradicts itself in one respect: the deviations `off`
+    [m, rad or s], the `file` that shows them, and the limits on their median.
 
     Beyond the first limit the median is noted, beyond the last one refused.
     """
@@ -55,7 +55,9 @@ class Contradiction(NamedTuple):
 def contradictions(
     run: Run, touch: Touch | None, strip: StripFile
 ) -> Iterator[Contradiction]:
-    """Yield contradictions of a recorded fold with a strip of the stated length."""
+    """Yield each respect in which a recorded fold, with the touch of the layers if it
+    was measured, may contradict a strip of the stated length.
+    """
     length = strip.length
     yield from _misses_of_rows(run)
     yield from _misses_of_start(run, length)
@@ -68,8 +70,8 @@ def contradictions(
 
 
 def _misses_of_rows(run: Run) -> Iterator[Contradiction]:
-    """Contradictions between the recorded times of rows, and between commanded and
-    measured motion.
+    """Yield contradictions between the times of a fold's rows, and between its
+    commanded and its measured gripper motion.
     """
     ticks = run.ticks
     t = run.ticks.t
@@ -86,8 +88,8 @@ def _misses_of_rows(run: Run) -> Iterator[Contradiction]:
 
 
 def _misses_of_start(run: Run, length: float) -> Iterator[Contradiction]:
-    """Contradictions of a fold's first row with how a fold of a strip of `length` [m]
-    starts.
+    """Yield contradictions between the first row of a fold, which starts flat or
+    hanging, and where the gripper holds a strip of `length` [m] at such a start.
     """
     ticks = run.ticks
     x = float(ticks.x[0])
@@ -105,8 +107,8 @@ def _misses_of_start(run: Run, length: float) -> Iterator[Contradiction]:
 
 
 def _misses_of_path(run: Run, length: float) -> Iterator[Contradiction]:
-    """Contradictions of the gripper's path and the desk contacts with a strip of
-    `length` [m].
+    """Yield contradictions between a strip of `length` [m] and the gripper's path or
+    the points where the strip leaves the desk.
     """
     ticks = run.ticks
     x = ticks.x
@@ -129,7 +131,9 @@ def _misses_of_path(run: Run, length: float) -> Iterator[Contradiction]:
 def _miss_of_displacement(
     run: Run, displacement: float, touch: Touch, length: float
 ) -> Contradiction:
-    """Contradiction of the stated `displacement` with l1 and l2 of the touch."""
+    """Contradiction between the stated `displacement` [m] of the folded edge and the
+    two lengths that the `touch` of the layers gives, for a strip of `length` [m].
+    """
     goal = FoldLine.of(length, run.header.line).goal
     measured = touch.to_grasped - touch.to_fixed + goal
     allowed = TOUCH_ROUNDING + DISPLACEMENT_SIGMAS * run.header.sigma.displacement
@@ -138,8 +142,8 @@ def _miss_of_displacement(
 
 
 def _misses_of_touch(run: Run, touch: Touch, length: float) -> Iterator[Contradiction]:
-    """Contradictions of the touch's lengths l1 and l2 with the strip's `length` [m] and
-    the distance to the gripper.
+    """Yield contradictions between the two lengths that the touch of the layers gives
+    and the strip's `length` [m] or the distance to the gripper.
     """
     l1 = touch.to_grasped
     l2 = touch.to_fixed
@@ -158,8 +162,8 @@ def _misses_of_touch(run: Run, touch: Touch, length: float) -> Iterator[Contradi
 
 
 def _misses_of_midlines(run: Run) -> Iterator[Contradiction]:
-    """Contradictions of midlines [m, s, rad] with desk, gripper, its pitch and
-    contacts.
+    """Yield contradictions between the measured midlines of the strip and the desk, the
+    gripper's position, its pitch, or the points where the strip leaves the desk.
 
     They begin on the desk, where they are seen to it, and end at the gripper or before
     it, as it hides the strip, but not beside it: there a shift in x or a delay shows.
@@ -203,7 +207,8 @@ def _misses_of_midlines(run: Run) -> Iterator[Contradiction]:
 
 
 def _rise_of_beginnings(run: Run, curves: Mapping[float, Array]) -> float:
-    """Median height [m] at which midlines begin, above that of a desk contact.
+    """Median height [m] at which the midlines in `curves`, given by time, begin above
+    the height of a desk contact; zero where they are not seen down to the desk.
 
     Zero where they are not seen down to the desk.
     """
@@ -217,8 +222,8 @@ def _rise_of_beginnings(run: Run, curves: Mapping[float, Array]) -> float:
 
 
 def _misses_beside(across: Array, up: float) -> Iterator[Contradiction]:
-    """Contradictions of midlines that end beside the gripper, and begin `up` [m] above
-    the desk.
+    """Yield contradictions of midlines that end beside the gripper, and of midlines
+    that begin `up` [m] above the desk.
 
     `across` (n, 3) are the ends' distances [m] across the strip, and these per delay
     and per shift.
@@ -242,7 +247,9 @@ def _misses_beside(across: Array, up: float) -> Iterator[Contradiction]:
 def _misses_of_contacts(
     run: Run, curves: Mapping[float, Array]
 ) -> Iterator[Contradiction]:
-    """Contradictions of the contacts with midlines that are seen down to the desk."""
+    """Yield contradictions between the recorded points where the strip leaves the desk
+    and the midlines in `curves` that are seen down to the desk.
+    """
     stamps, places = run.ticks.contacts()
     if not len(stamps):
         return
@@ -256,8 +263,8 @@ def _misses_of_contacts(
 
 
 def _delay_and_shift(across: Array) -> tuple[float, float]:
-    """Delay [s] and shift in x [m] by which the ends of n midlines lie beside the
-    gripper.
+    """Delay [s] and shift along x [m] that best explain why measured midlines end
+    beside the gripper, by linear regression with a prior about zero.
 
     `across` (n, 3) are the ends' distances [m] across the strip, and these per delay
     and per shift. Linear regression with a normal prior: min |(d - X b) / sigma|^2 + |b

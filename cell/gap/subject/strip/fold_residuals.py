@@ -104,8 +104,8 @@ def zones(s: Array, length: float) -> Words:
 
 
 def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
-    """Speed (n,) [m/s] and velocity (n,) along x of the gripper, averaged, at `t` (n,)
-    [s].
+    """Speed [m/s] of the gripper and its velocity [m/s] along x, each averaged over a
+    short interval about each of the times `t` [s].
     """
     rows = run.t
     half = AVERAGING_TIME / 2
@@ -118,8 +118,9 @@ def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True)
 class SampleGroups:
-    """Readings of one channel grouped into k samples: sorted by `order` and split at
-    `edges` (k + 1,).
+    """Readings of one measured quantity, such as the desk contact, grouped into
+    samples: `order` lists the indices of the readings, and `edges` where each sample
+    begins and the last ends.
 
     `order` (n,) are indices of readings. Of each sample (k,): `phase`, `zone`, mean
     time `t` [s]; `sigma` is that of a reading.
@@ -137,8 +138,9 @@ class SampleGroups:
 
 
 class Layout(NamedTuple):
-    """Samples of a fold by channel: profile, contact, force along x and z, and touch if
-    any.
+    """Samples of a fold by measured quantity: the strip's profile, its desk contact,
+    the force along x and along z, and `samples`, which hold all of them and the touch
+    of the layers, if any.
     """
 
     profile: SampleGroups
@@ -184,8 +186,8 @@ def layout(run: MeasuredRun, length: float) -> Layout:
 
 
 def _force_part(run: MeasuredRun, length: float, axis: int) -> SampleGroups:
-    """Samples of the force along one axis; none where the run states no noise for
-    it.
+    """Samples of the force of the strip on the gripper along one axis, 0 for x and 1
+    for z; none where the run states no noise for force.
     """
     reported = run.force_t if run.has_force else np.empty(0)
     unknown = np.isnan(run.force[: len(reported), axis])
@@ -210,8 +212,8 @@ def _part(
     left_out: NDArray[np.bool_] | None = None,
     span: float = SAMPLE_TIME,
 ) -> SampleGroups:
-    """Group readings at `t` (n,) [s] into samples by `zone` (n,), phase and slots of
-    `span` [s].
+    """Group readings at times `t` [s] into samples, each of one third of the strip, one
+    phase of the fold, and one interval of `span` [s].
 
     Readings of the mask `left_out`, and samples of less than `fewest` readings, are
     left out.
@@ -254,7 +256,9 @@ def _ranks(words: Words, order: Sequence[str]) -> Array:
 def _columns(
     part: SampleGroups, channel: str, floor: float, *, by_zone: bool = False
 ) -> list[Series]:
-    """Time series of the samples of `part`: one for all, or one for each zone."""
+    """Time series of the samples of `part` for one `channel`, a single one or, with
+    `by_zone`, one for each third of the strip.
+    """
     sigma = part.sigma
     zone = part.zone
     noise = sigma / np.sqrt(np.maximum(np.diff(part.edges), 1))
@@ -275,8 +279,8 @@ def _columns(
 
 
 def _touch_columns(run: MeasuredRun) -> list[Series]:
-    """Three series of the touch: its time, mean distance from both edges, and
-    displacement.
+    """Three series of one sample for the touch of the layers: its time, the mean of its
+    distances from both edges, and the displacement; none where no touch was measured.
 
     There are none without a touch. l1 and l2 are measured alike, so that their
     difference and their mean err independently.
@@ -310,7 +314,8 @@ CONTACT_LIMIT = 1.0  # bending lengths between contacts that are still one and t
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoldResiduals:
-    """Computes the residuals of one measured fold, measured minus simulated motion.
+    """Callable that computes the residuals of one measured fold, which are its measured
+    samples minus those of a simulated motion.
 
     `length` and stated `bending_length` [m] are the strip's.
     """
@@ -321,8 +326,8 @@ class FoldResiduals:
     bending_length: float
 
     def __call__(self, model: StripModel, motion: SimulatedMotion | None) -> Residuals:
-        """Residuals against the simulated `motion` of `model`; NaN where the motion is
-        None.
+        """Residuals of the fold against the simulated `motion` of `model`, one for each
+        sample; NaN where the motion is None.
         """
         profile, _, along_axes, samples = self.layout
         if not motion:
@@ -346,8 +351,8 @@ class FoldResiduals:
     def distances(
         self, model: StripModel, motion: SimulatedMotion, points: NDArray[np.int64]
     ) -> Array:
-        """Distances (n,) [m] of measured `points` from the simulated midline, positive
-        left of it.
+        """Distances [m] of the measured midline points with the indices `points` from
+        the simulated midline, positive to its left as seen from the fixed edge.
 
         `points` (n,) are their indices.
         """
@@ -368,8 +373,8 @@ class FoldResiduals:
     def _contact_averages(
         self, model: StripModel, motion: SimulatedMotion
     ) -> tuple[Array, Array]:
-        """Mean [m] and mean square [m^2] (k,) of contact residuals, NaN for two
-        contacts.
+        """Mean [m] and mean square [m^2], one for each sample, of the residuals of the
+        point where the strip leaves the desk.
 
         A strip with a hump, as over a crease, leaves the desk there and at the fold;
         which of them an image shows depends on the hump's height. So a contact far from
@@ -402,8 +407,8 @@ class FoldResiduals:
         return mean, square
 
     def _force_residuals(self, model: StripModel, motion: SimulatedMotion) -> Array:
-        """Measured minus simulated force (f, 2) [N] along x and z, NaN where not
-        measured.
+        """Measured minus simulated force [N] of the strip on the gripper, a row for
+        each reading with columns for x and z; NaN where it was not measured.
         """
         t = self.run.force_t
         return self.run.force - reported_force(
@@ -413,8 +418,9 @@ class FoldResiduals:
     def _touch_residuals(
         self, model: StripModel, motion: SimulatedMotion
     ) -> tuple[Array, Array]:
-        """Residuals (3,) [s, m, m] of the touch and their squares, NaN where none is
-        simulated.
+        """Residuals of the touch of the layers in time [s], mean distance to both edges
+        [m] and displacement [m], and their squares; NaN where the simulation has no
+        touch.
 
         Both are empty (0,) where the run measured no touch.
         """
@@ -432,7 +438,8 @@ def simulated_touch(
     model: StripModel,
     motion: SimulatedMotion | StripMotion,
 ) -> Touch | None:
-    """Simulated touch of the layers as images would show it; None if there is none.
+    """Touch of the layers in the simulated `motion`, as camera images and the reported
+    gripper `path` would show it; None where the layers do not touch.
 
     Along the reported `path` the gripper moves; `motion` is the true one.
     """
@@ -446,16 +453,16 @@ def simulated_touch(
 
 
 def _touch_values(touch: Touch) -> Array:
-    """Values (3,) of a touch: its time [s], mean distance [m] to both edges, and
-    displacement [m].
+    """Three values of a touch of the layers: its time [s], the mean of its distances to
+    both edges [m], and the displacement [m].
     """
     distance = 0.5 * (touch.to_grasped + touch.to_fixed)
     return np.array([touch.time, distance, touch.displacement])
 
 
 def average(values: Array, part: SampleGroups) -> tuple[Array, Array]:
-    """Mean and mean square (k,), in SI, of the readings (n,) of each sample, outliers
-    clipped.
+    """Mean and mean square of the readings in each sample of `part`, where readings far
+    from the sample's median are clipped.
     """
     mean, square = np.empty((2, len(part)))
     if len(mean):

@@ -17,8 +17,8 @@ from drivers.strip.model import StripModel, with_field
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEffect(ScatterSource):
-    """Quantity of a strip or rig that differs from run to run, and the model field it
-    changes.
+    """Quantity of a strip or of the rig that differs from run to run, and the field of
+    the strip's model that it changes.
 
     `place` is the part and field of the model to which its value is added, as a share
     of the field where the unit is 1.
@@ -117,8 +117,8 @@ class ModelError(StudyResult):
 
 
 def common_errors(samples: Samples, past: NDArray[np.bool_]) -> dict[str, Array]:
-    """Residuals (n,) [m, s] that a standard deviation of each systematic error causes,
-    by name.
+    """Residuals [m or s], one for each sample, that one standard deviation of each
+    systematic measurement error causes, by the error's name.
 
     `past` (n,) says whether the gripper is past the middle of the strip: there a lifted
     strip shows its near edge on the other side.

@@ -18,8 +18,8 @@ OUTLIER = 3.0
 
 @entry
 def interpolate_midlines(shapes: Any, places: Any) -> Any:
-    """Midlines (m, nodes, 2) at fractional indices `places` (m,) of `shapes` (k, nodes,
-    2).
+    """Midlines interpolated linearly between successive `shapes`, one for each
+    fractional index in `places`; a midline has a row of x and z [m] for each node.
     """
     curves = np.empty((len(places), shapes.shape[1], 2))
     for m in range(len(places)):
@@ -33,8 +33,8 @@ def interpolate_midlines(shapes: Any, places: Any) -> Any:
 
 @kernel
 def chord(curve: Any, q: int) -> Any:
-    """Vector x, z [m] and length [m] of segment `q` of `curve` (nodes, 2), as one
-    triple.
+    """Components along x and z [m], and length [m], of the straight segment that joins
+    node `q` of a `curve` with the next one.
     """
     x = curve[q + 1, 0] - curve[q, 0]
     z = curve[q + 1, 1] - curve[q, 1]
@@ -43,7 +43,9 @@ def chord(curve: Any, q: int) -> Any:
 
 @kernel
 def curvature(before: Any, after: Any) -> Any:
-    """Curvature [1/m] at the node between two successive chords (x, z, length)."""
+    """Curvature [1/m] of a curve at the node between two successive segments, each
+    given by its components along x and z and its length.
+    """
     (ux, uz, first), (vx, vz, second) = before, after
     return 2.0 * (ux * vz - uz * vx) / (first * second * (first + second))
 
@@ -52,8 +54,9 @@ def curvature(before: Any, after: Any) -> Any:
 def _distances_to_segment(
     curve: Any, q: int, base: Any, bend: float, x: float, z: float
 ) -> Any:
-    """Distance [m] of the point x, z from segment `q` of a curve, and the signed one
-    (left positive) from its arc.
+    """Distance [m] of the point `x`, `z` from the segment of a curve that begins at
+    node `q`, and its signed distance from the arc over that segment, positive to the
+    left.
 
     The arc over the segment's chord `base` has the mean curvature `bend` [1/m].
     """
@@ -74,8 +77,8 @@ def _distances_to_segment(
 
 @kernel
 def _signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
-    """Signed distance [m], left positive, of point x, z from the nearer segment at node
-    `q`.
+    """Signed distance [m], positive to the left, of the point `x`, `z` from the nearer
+    of the two segments that meet at node `q` of a `curve`.
     """
     last = len(curve) - 1
     best = math.inf
@@ -105,8 +108,8 @@ def _signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
 
 @kernel
 def _nearest_node(curve: Any, low: int, high: int, x: float, z: float) -> Any:
-    """Index in low..high of the node of `curve` nearest to x, z, by a coarse and a fine
-    search.
+    """Index, from `low` to `high`, of the node of `curve` that is nearest to the point
+    `x`, `z`, found by a coarse and then a fine search.
     """
     best = _nearest_among(curve, range(low, high + 1, STRIDE), x, z)
     close = range(max(best - STRIDE + 1, low), min(best + STRIDE, high + 1))
@@ -115,8 +118,8 @@ def _nearest_node(curve: Any, low: int, high: int, x: float, z: float) -> Any:
 
 @kernel
 def _nearest_among(curve: Any, nodes: Any, x: float, z: float) -> Any:
-    """Index, among the indices `nodes`, of the node of `curve` (n, 2) nearest to point
-    x, z.
+    """Index, out of `nodes`, of the node of `curve` that is nearest to the point `x`,
+    `z`.
     """
     best = 0
     least = math.inf
@@ -130,7 +133,9 @@ def _nearest_among(curve: Any, nodes: Any, x: float, z: float) -> Any:
 
 @kernel
 def _search_window(arc: Any, s: float) -> Any:
-    """Indices of the first and last node within SEARCH_SPAN of arc length `s` [m]."""
+    """Indices of the first and last node whose arc length in `arc` [m] is near the arc
+    length `s` [m].
+    """
     last = len(arc) - 1
     low = np.searchsorted(arc, min(s, arc[last]) - SEARCH_SPAN) - 1
     high = np.searchsorted(arc, max(s, 0.0) + SEARCH_SPAN)
@@ -147,7 +152,8 @@ def signed_distances(
     arc: Any,
     distances: Any,
 ) -> None:
-    """Write signed `distances` (n,) [m] of `points` (n, 2) from a moving midline.
+    """Write into `distances` the signed distance [m] of each of the measured `points`
+    from a strip's moving midline.
 
     Positive on the left as seen from the fixed edge. Point p belongs to image number
     `image[p]`, taken at the fractional index `places[image[p]]` into `shapes` (k,
@@ -166,8 +172,8 @@ def signed_distances(
 
 @kernel
 def _nearest_end(curve: Any, height: float, x: float, contact: float) -> Any:
-    """x [m] nearest to `x` where a lying strip rises above `height` [m], or `contact`
-    if nearer.
+    """Coordinate [m] nearest to `x` at which a lying strip rises above `height` [m], or
+    `contact` where that is nearer.
     """
     nearest = contact
     q = 1
@@ -189,8 +195,8 @@ def _nearest_end(curve: Any, height: float, x: float, contact: float) -> Any:
 def nearest_ends(
     x: Any, places: Any, shapes: Any, height: float, contacts: Any
 ) -> None:
-    """Replace desk contacts `contacts` (n,) [m] by the lift-off points nearest to `x`
-    (n,) [m].
+    """Replace each of the desk `contacts` [m] by the point nearest to the one measured
+    in `x` [m] at which the simulated strip rises from the desk.
 
     A midline lifts off wherever it rises above `height` [m]: at the fold, and at each
     hump before it. A contact stays if it is nearer. `places` (n,) and `shapes` are
@@ -203,8 +209,8 @@ def nearest_ends(
 
 @entry
 def group_means(values: Any, edges: Any, sigma: float, mean: Any, square: Any) -> None:
-    """Write into `mean` and `square` (g,) the mean and the mean square of each group of
-    `values`.
+    """Write into `mean` and `square` the mean and the mean square of each group of
+    `values`, with outliers clipped.
 
     Group g is values[edges[g]:edges[g + 1]]. Values are clipped at OUTLIER robust
     deviations (at least `sigma`) from the group's median.

@@ -56,8 +56,8 @@ SAME_START = 1e-3  # s between the beginnings of two paths
 
 
 class Linearisation(NamedTuple):
-    """Derivatives of a fold's residuals (n,) near one model, and their errors by a
-    coarse rod.
+    """Derivatives of a fold's residuals near one model of the strip, and the errors
+    that its coarse simulation makes in these residuals.
 
     `grid_error` is the change from a finer rod to that of the fold, `doubt` how far off
     it may be for another model or a real strip; `slopes` are the derivatives by each
@@ -72,7 +72,8 @@ class Linearisation(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PreparedFold:
-    """Measured fold: its residuals, and the paths along which it is simulated.
+    """Measured fold that is ready to be compared: its residuals, the paths along which
+    it is simulated, and the correction of its coarse simulation.
 
     The rod has the fold's `resolution`; `linearisation` corrects its residuals. Of a
     replicate, `leader` is the fold whose simulation serves for its responses.
@@ -97,12 +98,14 @@ class PreparedFold:
 
     @property
     def samples(self) -> Samples:
-        """Samples of the prepared fold."""
+        """Measured samples of the fold, with their noise, phase and third
+        of the strip.
+        """
         return self.residuals.layout.samples
 
     def job(self, hashed: Hashed[StripModel]) -> Job:
-        """Simulation of model `hashed` along the measured path, lifted in case of
-        hysteresis.
+        """Simulation of the given strip model along the measured path or, for a strip
+        with bending hysteresis, along the path that lifts first.
         """
         has_hysteresis = hashed.value.mechanics.law.yield_curvature > 0.0
         path = self.lifted_path if has_hysteresis else self.path
@@ -116,8 +119,8 @@ class PreparedFold:
     def correct(
         self, residuals: Residuals, run: FitRun, run_values: Array
     ) -> Residuals:
-        """Copy of `residuals` of a coarse rod with its grid error removed, moved
-        linearly to `run_values` (k,).
+        """Copy of `residuals` with the error of the coarse simulation removed, moved
+        linearly to the run's own unknowns `run_values`.
         """
         mean = residuals.mean - self.linearisation.grid_error
         for p, value in zip(run.local, run_values, strict=True):
@@ -132,8 +135,8 @@ def prepare_runs(
     simulate: Simulation,
     scatter: Sequence[RunEffect] = RUN_EFFECTS,
 ) -> list[FitRun]:
-    """Convert measured folds to runs of the gap engine; folds without a sample are left
-    out.
+    """Runs for a fit from measured folds, without those that have no sample; `scatter`
+    lists the quantities that may differ from run to run.
 
     `scatter` are the quantities that may differ from run to run.
     """
@@ -164,8 +167,8 @@ def linearise_folds(
     simulate: Simulation,
     scatter: Sequence[RunEffect],
 ) -> list[Linearisation]:
-    """Linearisation of the residuals of each of `folds` about its simulation in
-    `jobs`.
+    """Derivatives of the residuals of each of `folds`, and errors of its coarse
+    simulation, about the simulation in `jobs` at the same index.
     """
     pairs = [*zip(folds, jobs, strict=True)]
 
@@ -206,7 +209,9 @@ def linearise_folds(
 def _residuals(
     folds: Sequence[PreparedFold], jobs: Sequence[Job], simulate: Simulation
 ) -> list[Array]:
-    """Residuals (n,) [SI] of each of `folds`, by its simulation in `jobs`."""
+    """Residuals of each of `folds` in SI units, one for each sample, against the
+    simulation in `jobs` at the same index.
+    """
     return [
         fold.residuals(job.model, motion).mean
         for fold, job, motion in zip(folds, jobs, simulate(jobs), strict=True)
@@ -218,8 +223,8 @@ def _resolve(
     models: Sequence[Hashed[StripModel]],
     simulate: Simulation,
 ) -> list[PreparedFold]:
-    """Copies of `folds`, with a finer rod where the coarse one errs beyond model
-    error.
+    """Copies of `folds`, of which those get a finer simulated rod whose coarse one errs
+    by more than a model is expected to.
     """
     jobs = [*map(PreparedFold.job, folds, models)]
     errors = _grid_errors(
@@ -242,8 +247,8 @@ def _grid_errors(
     simulate: Simulation,
     finer: Sequence[Resolution] = (FINE, FINER),
 ) -> list[Array]:
-    """Residuals (n,) [SI] of each fold at its own resolution, less those at a `finer`
-    one.
+    """Residuals of each fold at its own resolution less those at a `finer` one, in SI
+    units, one for each sample.
 
     Where that is much, the next resolution decides: an end that slips, or a strip that
     is pushed, may take another way at a single one.
@@ -260,8 +265,8 @@ def _grid_errors(
 
 
 def _is_doubted(fold: PreparedFold, error: Array) -> bool:
-    """Whether a finer rod changes the residuals of `fold` by more than DOUBTED floors
-    (rms).
+    """Whether a finer rod changes the residuals of `fold` so much, by the root mean
+    square of `error` over the model's own error, that a finer rod is needed.
     """
     floors = np.nan_to_num(error / fold.samples.floor)
     return bool(floors @ floors > DOUBTED**2 * len(floors))
@@ -270,8 +275,8 @@ def _is_doubted(fold: PreparedFold, error: Array) -> bool:
 def _common_errors(
     run: MeasuredRun, samples: Samples, linearisation: Linearisation
 ) -> dict[str, Array]:
-    """Residuals (n,) [SI] per standard deviation of each error that all runs share, by
-    name.
+    """Residuals in SI units, one for each sample, that one standard deviation of each
+    error common to all runs causes, by the error's name.
 
     They are those of the model in damping, and of perception where a camera saw the
     run.
@@ -288,8 +293,8 @@ def _common_errors(
 
 
 def relinearise(run: FitRun, about: Linearisation) -> FitRun:
-    """Copy of `run` with residuals linearised `about` a model, and floors for the grid
-    error left.
+    """Copy of `run` with the derivatives and grid errors in `about`, and with model
+    errors enlarged by the doubt about these grid errors.
 
     A strip with less damping than stated keeps swinging, where grids differ.
     """
@@ -312,7 +317,9 @@ def _drop_large(change: Array, limit: Array) -> Array:
 
 
 def _fold(run: MeasuredRun, strip: StripFile) -> PreparedFold:
-    """Measured fold `run` with its samples and paths, not linearised yet."""
+    """Measured fold `run` with its samples and the paths along which it is simulated,
+    and with all derivatives and grid errors still zero.
+    """
     length = strip.length
     samples_layout = layout(run, length)
     during = run.t <= run.end + LATER
@@ -335,8 +342,8 @@ def _fold(run: MeasuredRun, strip: StripFile) -> PreparedFold:
 
 
 def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
-    """Copy of the measured `path` that rises before it moves in: no lying strip is
-    pushed.
+    """Copy of the measured gripper `path` that rises before it moves inwards, so that
+    it pushes no lying strip along the desk.
 
     A strip lifted by z draws the grip in by about z^2: so does this one, until it joins
     `path`.
@@ -362,7 +369,8 @@ def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
 
 
 def _with_leaders(folds: Sequence[PreparedFold]) -> list[PreparedFold]:
-    """Copies of `folds` with their leaders.
+    """Copies of `folds` in which each replicate refers to the fold, its leader, whose
+    simulation stands for it in responses to effects.
 
     An effect changes replicates alike, up to far less than the error of a rough time
     step.
@@ -392,8 +400,8 @@ def _is_replicate(longer: PreparedFold, fold: PreparedFold) -> bool:
 
 
 def _is_near(longer: GripperPath, path: GripperPath) -> bool:
-    """Whether the poses of `path` are within PATH_TOLERANCE of those of `longer` at all
-    times.
+    """Whether the poses of `path` stay within a tolerance of the poses of `longer` at
+    all times.
     """
     expected = interpolate_columns(path.t, longer.t, longer.poses)
     return bool((np.abs(path.poses - expected) < PATH_TOLERANCE).all())

@@ -27,8 +27,8 @@ FEWEST_POINTS = 5  # points of an image that is used
 
 
 def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
-    """Smooth path measured at `t` (m,) [s] with noise `sigma` [m]: times (k,) and poses
-    (k, 3).
+    """Smoothed gripper path: new even times [s], and a pose for each, of a path whose
+    `poses` were measured at times `t` [s] with noise `sigma` [m].
 
     A parabola through the points near each moment (Savitzky and Golay 1964); the more
     noise, the more points. A servo's limited jerk bends a path too little for the
@@ -45,8 +45,8 @@ def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
 
 
 def _parabolic_smoothing(values: Array, half: int) -> Array:
-    """Smooth columns (k, c) by local parabolas through `half` neighbours a side
-    (Savitzky-Golay).
+    """Copy of the columns of `values`, each smoothed by local parabolas through `half`
+    neighbours on either side of each row.
 
     The first and last parabolas serve the ends, too. Importing scipy.signal would take
     a second.
@@ -61,7 +61,8 @@ def _parabolic_smoothing(values: Array, half: int) -> Array:
 
 
 class Midlines(NamedTuple):
-    """Midline points of m images, at times `stamps` (m,) [s], one image after another.
+    """Points on the midline of a strip in several camera images, listed one image after
+    another, with the time of each image in `stamps` [s].
 
     Of each of the n points: `points` (n, 2) in x and z [m], `image` (n,) its image's
     index, `s` (n,) [m] its approximate arc length from the fixed edge, counted back
@@ -77,8 +78,8 @@ class Midlines(NamedTuple):
     def of(
         cls, stamps: Sequence[float], curves: Sequence[Array], places: Sequence[Array]
     ) -> Self:
-        """Midlines of images at `stamps` (m,) [s]: a curve (n, 2) [m] for each image,
-        its points at the arc lengths `places` (n,) [m].
+        """Midlines of images taken at times `stamps` [s], from one curve of points [m]
+        for each image and the arc lengths [m] of these points in `places`.
         """
         counts = [len(curve) for curve in curves]
         image = np.repeat(np.arange(len(counts)), np.array(counts, dtype=np.int64))
@@ -90,7 +91,8 @@ class Midlines(NamedTuple):
 
 
 def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Midlines:
-    """Midline points to compare, by image of `profile`: thinned, and without outliers.
+    """Midline points of a measured `profile` that are compared with a simulation, image
+    by image, thinned and without outliers.
 
     `grip` (n, 2) [m] is the gripper's position at each of the profile's points.
     """
@@ -123,8 +125,8 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Mid
 
 
 def _inlier_mask(curve: Array, sigma: float) -> NDArray[np.bool_]:
-    """Mask (n,) of the points of a curve (n, 2) [m] near its running median: no
-    outliers.
+    """Mask that is true for those points of a `curve` [m] that lie near its running
+    median, and so are no outliers.
     """
     if len(curve) <= MEDIAN_WINDOW:
         return np.ones(len(curve), dtype=bool)
@@ -135,7 +137,7 @@ def _inlier_mask(curve: Array, sigma: float) -> NDArray[np.bool_]:
 
 
 def _running_median(curve: Array) -> Array:
-    """Running median (n, 2) [m] of more than MEDIAN_WINDOW points, linear beyond both
+    """Running median of the points of a `curve` [m], continued linearly beyond its two
     ends.
     """
     half = MEDIAN_WINDOW // 2

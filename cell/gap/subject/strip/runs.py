@@ -47,7 +47,9 @@ FEWEST_RUNS = 2  # that can be fitted and checked
 
 
 def _check_noise(origin: Path, run: Run) -> None:
-    """Refuse a stated noise of a measured quantity that no instrument of a cell has."""
+    """Raise ConfigurationError where a run states a noise of a measured quantity that
+    no instrument of a cell has.
+    """
     sigma = run.header.sigma
     limits = dict.fromkeys(LENGTHS, (BEST_SIGMA, WORST_SIGMA, "m"))
     limits["touch_time"] = BEST_TIME, WORST_TIME, "s"
@@ -63,8 +65,8 @@ def _check_noise(origin: Path, run: Run) -> None:
 
 
 def _check_motion(origin: Path, run: Run) -> None:
-    """Refuse a run whose poses jump between rows, as they do where rows are not sorted
-    by time.
+    """Raise ConfigurationError where poses of a run jump between successive rows, as
+    they do where rows are not sorted by time.
     """
     ticks = run.ticks
     if len(ticks.t) < 2:
@@ -102,7 +104,9 @@ def _check_indices(folders: Sequence[RunFolder], heads: Sequence[Header]) -> Non
 
 
 def _batch_key(header: Header) -> str:
-    """Key of a fold's batch: the command that ran it on the twin, else a constant."""
+    """Text that is equal for folds of one batch: on the simulated cell it names the
+    command that made them, else it is empty.
+    """
     drivers = header.drivers
     if drivers is None or drivers.arm != "twin" or header.seed is None:
         return ""
@@ -111,7 +115,8 @@ def _batch_key(header: Header) -> str:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredRun:
-    """Measured fold: gripper path and measurements of the strip, in SI units.
+    """Measured fold, reduced to what is compared with simulations: the gripper's path
+    and the measurements of the strip, in SI units.
 
     `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it.
     `contact_t`, `contact_x` (k,). `force_t` (f,), `force` (f, 2) of the strip on the
@@ -151,14 +156,16 @@ class MeasuredRun:
 
     @property
     def shows_strip(self) -> bool:
-        """Whether any measurement of the strip exists besides the gripper's path."""
+        """Whether the run is usable and holds any measurement of the strip besides the
+        gripper's path.
+        """
         seen = len(self.contact_x) + len(self.force_t) + len(self.images.stamps)
         return self.usable and (seen > 0 or self.touch is not None)
 
 
 def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRun]:
-    """Measured folds in `folders`, sorted by time of measurement; some may not be
-    `usable`.
+    """Measured folds in `folders`, sorted by their index and name; those that are too
+    short have `usable` false.
 
     Raises ConfigurationError, in one line, for input that is broken or too little.
     """
@@ -171,7 +178,9 @@ def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRu
 
 
 def _check_enough(runs: Sequence[MeasuredRun], origin: Path) -> None:
-    """Refuse fewer than FEWEST_RUNS runs that are usable, or that show the strip."""
+    """Raise ConfigurationError where fewer runs than a fit needs are usable, or where
+    fewer show the strip.
+    """
     usable = sum(run.usable for run in runs)
     if usable < FEWEST_RUNS:
         raise ConfigurationError(
@@ -188,8 +197,8 @@ def _check_enough(runs: Sequence[MeasuredRun], origin: Path) -> None:
 
 
 def _read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
-    """Header and measured fold in `folder`; ConfigurationError where it contradicts its
-    `strip`.
+    """Header and measured fold of the run in `folder`; ConfigurationError where these
+    contradict the file of the `strip`.
     """
     try:
         recorded = read_run(folder)
@@ -243,8 +252,8 @@ def check_fold(
 
 
 def _pitch(run: Run) -> Array:
-    """Gripper pitch (n,) [rad]: as recorded, else upright if hanging or as in a lift
-    from the desk.
+    """Pitch [rad] of the gripper in each row of a run: as recorded, else upright for a
+    hanging start, or that of a lift from the desk.
     """
     ticks = run.ticks
     if np.isfinite(ticks.pitch).any():
@@ -255,7 +264,9 @@ def _pitch(run: Run) -> Array:
 
 
 def _check_kind(folder: Path) -> None:
-    """Refuse the run of a pendulum where the run of a strip is needed."""
+    """Raise ConfigurationError where `folder` holds the run of a pendulum, for the run
+    of a strip is needed.
+    """
     head = read_yaml(folder / RUN)
     if "strip" not in head and "pendulum" in head:
         raise ConfigurationError(
@@ -268,7 +279,9 @@ def _check_kind(folder: Path) -> None:
 def _measured_run(
     name: str, run: Run, touch: Touch | None, strip: StripFile
 ) -> MeasuredRun:
-    """Reduce a run's tables to the arrays with which simulations are compared."""
+    """Measured fold called `name`, reduced from the tables of its recorded `run` to the
+    arrays with which simulations are compared.
+    """
     ticks = run.ticks
     header = run.header
     profile = run.profile
@@ -303,8 +316,8 @@ def _measured_run(
 
 
 def _until_touch(run: MeasuredRun, length: float) -> MeasuredRun:
-    """Copy of a run without a measured touch that ends where its midlines begin
-    elsewhere all at once, as after an unseen touch; its notes say so.
+    """Copy of a run without a measured touch of the layers, cut where its midlines
+    suddenly begin elsewhere, as they do after a touch that nobody saw.
 
     Where layers lie on each other an image shows the upper one alone. Before, and with
     the gripper past the middle of a strip of `length` [m], the place where midlines
@@ -360,8 +373,8 @@ def _short_run(name: str, header: Header, why: str) -> MeasuredRun:
 def _notes(
     folder: Path, name: str, run: Run, touch: Touch | None, strip: StripFile
 ) -> Iterator[str]:
-    """Remarks on data that contradict a strip held at its end, from the desk to the
-    gripper.
+    """Yield remarks on a recorded fold whose data contradict a strip that is held at
+    its end, or which ended without a touch of the layers.
 
     A run that ended without a touch is noted, too. Raises ConfigurationError where
     places contradict such a strip, or stamps lie beside the gripper's rows.
@@ -398,7 +411,9 @@ def _notes(
 
 
 def _touch(folder: Path, run: Run) -> Touch | None:
-    """Measured layer_touch of a run, if any, within the times of its rows."""
+    """Measured touch of the strip's layers in a run, or None where it has none;
+    ConfigurationError where its time lies outside the run.
+    """
     result = run.result
     if result is None or result.outcome not in TOUCHED:
         return None

@@ -30,8 +30,8 @@ SHORTEST_RETARDATION = 0.005  # s, about which the fit of an undamped strip star
 
 
 def _places(strip: StripFile, lifted: float) -> tuple[float, ...]:
-    """Positions [m] along the strip at which effects are screened, from `lifted` [m]
-    on.
+    """Positions [m] along a strip at which a local effect, such as a crease, is tried
+    first, beginning at `lifted` [m] from the fixed edge.
 
     A bend shows a local effect while it passes, so that probes farther apart than about
     a bending length miss what lies between them.
@@ -44,8 +44,8 @@ def _places(strip: StripFile, lifted: float) -> tuple[float, ...]:
 
 
 def scope(strip: StripFile, lifted: float = 0.0, *, has_force: bool = False) -> Scope:
-    """Fit problem of `strip`: base parameters, candidate effects, and displayed
-    quantities.
+    """What a fit of `strip` may change: the parameters of its file, the candidate
+    effects, and the quantities in which residuals are shown.
 
     The strip is lifted off the desk from `lifted` [m] on; its part before does not
     move. Where force is measured (`has_force`), it weighs the strip.
@@ -70,7 +70,9 @@ def scope(strip: StripFile, lifted: float = 0.0, *, has_force: bool = False) -> 
 
 
 def _can_simulate(effect: Effect, strip: StripFile) -> bool:
-    """Whether the rod engine can represent the effect on this strip."""
+    """Whether the simulated rod can represent the effect on this strip, tried at the
+    weakest size.
+    """
     weakest = candidate(effect, strip, lifted=0.0).probes[0][0]
     try:
         check([describe(strip, {effect.name: effect.stated(weakest) or {}})])
@@ -80,8 +82,8 @@ def _can_simulate(effect: Effect, strip: StripFile) -> bool:
 
 
 def _base(strip: StripFile, *, has_force: bool) -> list[Parameter]:
-    """Base parameters of a strip: bending length, retardation time and, where force is
-    measured, areal density.
+    """Parameters of the strip's file that are always fitted: bending length,
+    retardation time and, where force is measured, areal density.
 
     At one bending length the areal density changes only force and air drag.
     """
@@ -117,8 +119,8 @@ def _base(strip: StripFile, *, has_force: bool) -> list[Parameter]:
 
 
 def _accepted_parameters(strip: StripFile) -> list[Parameter]:
-    """Base parameters for the effects in the strip file, which are refitted with the
-    base.
+    """Parameters of the effects that the strip file has accepted, which are fitted
+    again together with its own values.
     """
     accepted = []
     for name, values in strip.effects.items():
@@ -133,8 +135,8 @@ def _accepted_parameters(strip: StripFile) -> list[Parameter]:
 
 
 def fitted_strip(strip: StripFile, values: Mapping[str, float]) -> StripFile:
-    """Copy of `strip` with refitted `values` of its base parameters, as files state
-    them.
+    """Copy of the `strip` file with the fitted `values`, given by name, in place of its
+    own; `effect.parameter` names one of an effect.
     """
     effects = {name: dict(stated) for name, stated in strip.effects.items()}
     for name, value in values.items():
@@ -146,8 +148,8 @@ def fitted_strip(strip: StripFile, values: Mapping[str, float]) -> StripFile:
 
 
 def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
-    """Candidate effect of the library on `strip`, lifted off the desk from x = `lifted`
-    [m] on.
+    """Candidate for a fit from an effect of the library on `strip`, of which the part
+    beyond `lifted` [m] leaves the desk.
     """
     parameters = _parameters(effect, strip)
     fitted = tuple(p for p in parameters if p.role != "shape")
@@ -165,7 +167,9 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
 
 
 def _deviations(effect: Effect, strip: StripFile) -> list[float]:
-    """How far the usual sizes of an effect on `strip` lie from its null."""
+    """How far each usual size of an effect on `strip` lies from the value at which the
+    effect vanishes.
+    """
     amount = effect.parameters[0]
     return [
         abs(amount.stated_value(size) - amount.start) for size in effect.sizes(strip)
@@ -173,8 +177,8 @@ def _deviations(effect: Effect, strip: StripFile) -> list[float]:
 
 
 def _parameters(effect: Effect, strip: StripFile) -> list[Parameter]:
-    """Parameters of the effect as they are fitted to `strip`, amounts by its typical
-    sizes.
+    """Parameters of the effect as they are fitted to `strip`, with steps and prior
+    spreads that follow from the effect's usual sizes.
     """
     sizes = _deviations(effect, strip)
     step = SECANT * min(sizes)
@@ -207,8 +211,8 @@ def _fitted(p: Parameter, length: float, step: float, spread: float) -> Paramete
 def _probes(
     effect: Effect, parameters: Sequence[Parameter], strip: StripFile, lifted: float
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
-    """Groups of parameter vectors to screen: a group per size and shape, a vector per
-    amount.
+    """Groups of parameter values at which the effect is tried first: a group for each
+    size and shape, a tuple of values for each amount.
     """
     tried = {"place": _places(strip, lifted), "time": TRIED_TIMES}
     shapes = [tried.get(p.role, (p.start,)) for p in parameters]

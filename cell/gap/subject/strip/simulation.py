@@ -44,8 +44,8 @@ FINE, FINER = Resolution(200, 0.0025), Resolution(200, 0.00125)
 
 
 class Hashed(NamedTuple, Generic[T]):
-    """Gripper path or model with a `digest` of its numbers, computed once for all
-    simulations.
+    """A gripper path or strip model together with a `digest` of its numbers, which is
+    computed once for all simulations.
     """
 
     value: T
@@ -53,20 +53,23 @@ class Hashed(NamedTuple, Generic[T]):
 
     @classmethod
     def of(cls, value: T, content: object = None) -> Self:
-        """`value` with a digest of all its numbers, or of those of `content`."""
+        """Wrap `value` with a digest of all its numbers, or of those of `content`
+        unless that is None.
+        """
         numbers = pickle.dumps(value if content is None else content, protocol=5)
         return cls(value, hashlib.blake2b(numbers, digest_size=16).digest())
 
 
 def hashed_model(model: StripModel) -> Hashed[StripModel]:
-    """`model` of strip and rig with a hash of all its numbers but those of
-    observation.
+    """Wrap the `model` of strip and rig with a digest of its numbers, without those
+    that say how cameras and sensors observe it.
     """
     return Hashed.of(model, replace(model, observation=ObservationModel()))
 
 
 class Job(NamedTuple):
-    """One simulation: a model along a gripper path, by a rod of a certain resolution.
+    """One simulation to be run: a strip model along a gripper path, by a simulated rod
+    of a given resolution.
 
     `digest` is that of model and path. Jobs of equal `key` give equal motions.
     """
@@ -83,7 +86,8 @@ class Job(NamedTuple):
 
 
 class SimulatedMotion(NamedTuple):
-    """Simulated motion of gripper and strip, and the touch of its layers, if any.
+    """Simulated motion of the gripper and the strip, in which `touch` is when and where
+    the strip's layers touch, or None.
 
     At times `t` (k,) [s]: `poses` (k, 3), `contact_x` (k,) [m] and `force` (k, 2) [N]
     on the gripper. From `begin` [s] on every SHAPE_PERIOD: `shapes` (m, nodes, 2) [m]
@@ -105,14 +109,15 @@ class SimulatedMotion(NamedTuple):
         return int(self.shapes.nbytes + 7 * self.t.nbytes)
 
     def index_at(self, time: Array) -> Array:
-        """Fractional index (k,) into the simulated shapes at each time of `time` (k,)
-        [s]; may lie beyond either end.
+        """Position of each time in `time` [s] among the simulated shapes, as an index
+        with a fraction, which may lie beyond either end.
         """
         return (time - self.begin) / SHAPE_PERIOD
 
 
 class Simulation:
-    """Simulates motions with the rod, on several `threads`, and caches the latest.
+    """Simulates motions of strips with the rod on several `threads`, and keeps the
+    latest ones in memory.
 
     A motion does not depend on what is simulated beside it, nor on how many threads
     there are.
@@ -141,8 +146,8 @@ class Simulation:
     def _simulate_batches(
         self, jobs: dict[bytes, Job]
     ) -> dict[bytes, SimulatedMotion | None]:
-        """Simulate jobs by key in batches of one resolution and similar duration, by
-        thread.
+        """Simulate `jobs`, given by their keys, in batches of equal resolution and
+        similar duration, one batch at a time on each thread.
 
         Lanes of a vector then end together: one that takes more effort makes the others
         wait.
@@ -167,8 +172,8 @@ class Simulation:
         return motions
 
     def _simulate_batch(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """Simulate a batch together, or its jobs singly if one cannot start; None for
-        these.
+        """Simulate a batch of jobs together, or one by one where a job cannot start;
+        the motion is None for such a job.
         """
         try:
             return self._simulate_together(jobs)
@@ -179,8 +184,8 @@ class Simulation:
             return [motion for job in jobs for motion in self._simulate_batch([job])]
 
     def _simulate_together(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """Simulate `jobs` of one resolution as one batch of the rod; None for those
-        that failed.
+        """Simulate `jobs` of one resolution as a single batch of the rod; the motion is
+        None for each job that fails on the way.
 
         Raises Fault or Unsupported where one finds no rest at the first pose of its
         gripper.
@@ -202,8 +207,8 @@ class Simulation:
         ]
 
     def _remember(self, key: bytes, motion: SimulatedMotion | None) -> None:
-        """Cache a `motion` by `key`, and forget the oldest ones beyond REMEMBERED
-        bytes.
+        """Keep a `motion` in memory under `key`, and forget the oldest ones where all
+        of them take more than REMEMBERED bytes.
         """
         cache = self._cache
         if key not in cache:
@@ -216,8 +221,8 @@ class Simulation:
 
 
 def _condense(motion: StripMotion, resolution: Resolution) -> SimulatedMotion:
-    """Reduce a simulated motion to the compared quantities; without shapes the strip is
-    flat.
+    """Reduce a simulated motion to the quantities that are compared; where it has no
+    shapes, the strip lies flat.
     """
     segments, dt = resolution
     t = motion.t
@@ -241,7 +246,8 @@ def _condense(motion: StripMotion, resolution: Resolution) -> SimulatedMotion:
 def _split_by_kind(
     order: Sequence[bytes], jobs: Mapping[bytes, Job]
 ) -> list[list[bytes]]:
-    """Split the keys of jobs, in `order`, by resolution and by terms of the rod.
+    """Split the keys of jobs, kept in `order`, into lists of equal resolution, and
+    further by whether the strips need optional terms of the rod.
 
     A batch in which one strip needs the rod's optional terms computes them for every
     strip. There is no split by them where either part would not fill a vector.

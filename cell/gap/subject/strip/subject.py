@@ -81,8 +81,9 @@ def patch_file(
     effects: NamedValues,
     source: str,
 ) -> tuple[dict[str, object], dict[str, object] | None]:
-    """Content of the strip file with refitted values and named effects, and the cell's
-    effects.
+    """Content of the strip file with fitted values and the given effects of the strip,
+    and the content of the cell file's patch, or None where no effect belongs to the
+    cell.
     """
     content: dict[str, Any] = strip.model_dump(
         mode="json", by_alias=True, exclude_unset=True
@@ -124,8 +125,8 @@ def _round_off(value: float) -> float:
 
 
 class ResidualKey(NamedTuple):
-    """Key of cached residuals: the measured fold, the simulated motion, how it is
-    observed.
+    """Key under which residuals are kept in memory: the measured fold, the digest of
+    the simulated motion, and how sensors observe it.
     """
 
     residuals: FoldResiduals
@@ -134,8 +135,8 @@ class ResidualKey(NamedTuple):
 
 
 class StripSubject(Subject):
-    """Measured folds of one strip, simulated by the rod along the measured gripper
-    paths.
+    """Measured folds of one strip, as a fit compares them: each is simulated by the rod
+    along the measured gripper path.
 
     `notes` warn the operator of incomplete runs.
     """
@@ -151,8 +152,8 @@ class StripSubject(Subject):
         scatter: Sequence[RunEffect] = RUN_EFFECTS,
         origin: Origin = NO_FILE,
     ) -> None:
-        """Prepare the measured folds `runs` for fits; effects `without` are no
-        candidates.
+        """Prepare the measured folds `runs` of `strip` for fits, in which the effects
+        named in `without` are not tried.
 
         `scatter` are the quantities that may differ from run to run.
         """
@@ -179,8 +180,8 @@ class StripSubject(Subject):
         self.runs = prepare_runs(measured, strip, self._simulation, self._scatter)
 
     def simulate(self, requests: Sequence[SimulationRequest]) -> list[Residuals]:
-        """Residuals of `requests`, measured minus simulated; each motion is simulated
-        once.
+        """Residuals for each of `requests`, measured minus simulated; a motion that
+        several requests share is simulated once.
         """
         folds, jobs = self._jobs_of(requests)
         keys = [
@@ -197,8 +198,8 @@ class StripSubject(Subject):
         ]
 
     def contradictions(self) -> Iterator[Finding]:
-        """Finding that l1 and l2 seem swapped, where the strip predicts the opposite
-        displacements.
+        """Yield a finding where the two lengths measured at the touch of the layers
+        seem to be swapped, because swapped ones agree far better with the stated strip.
         """
         simulated = self.simulate([self.stated(run) for run in self.runs])
         errors = [*map(_touch_errors, self.runs, simulated)]
@@ -217,7 +218,8 @@ class StripSubject(Subject):
             )
 
     def _compare(self, jobs: Mapping[ResidualKey, Job]) -> dict[ResidualKey, Residuals]:
-        """Simulate and compare jobs, in portions of similar duration; residuals by key.
+        """Simulate `jobs` and compare them with their measured folds, in portions of
+        similar duration; returns residuals by key.
 
         Keys of one motion stay together, in the order in which they are requested;
         motions are not kept.
@@ -249,8 +251,8 @@ class StripSubject(Subject):
     def draw_simulated(
         self, requests: Sequence[SimulationRequest]
     ) -> list[Scene | None]:
-        """Drawings of the simulated folds, one for each request; None without a
-        motion.
+        """Drawings of the simulated folds, one for each request; None where the rod
+        cannot simulate it.
         """
         folds, jobs = self._jobs_of(requests)
         rows = zip(folds, jobs, self._simulation(jobs), strict=True)
@@ -260,8 +262,8 @@ class StripSubject(Subject):
         ]
 
     def refine(self, requests: Sequence[SimulationRequest]) -> Sequence[FitRun]:
-        """Runs linearised about the models of `requests`, with corrections from a finer
-        rod.
+        """Copies of the runs of `requests` with derivatives about the requested models,
+        and corrections from a finer simulated rod.
         """
         folds, jobs = self._jobs_of(requests)
         linearised = linearise_folds(folds, jobs, self._simulation, self._scatter)
@@ -293,15 +295,15 @@ class StripSubject(Subject):
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Content of the strip file with refitted base and effects, and the cell file's
-        patch.
+        """Content of the strip file with fitted values and effects, and the patch of
+        the cell file, None where no effect belongs to the cell.
         """
         return patch_file(self.file, base, effects, source)
 
     def _jobs_of(
         self, requests: Sequence[SimulationRequest]
     ) -> tuple[list[PreparedFold], list[Job]]:
-        """Measured folds of `requests`, and the simulations to run for them.
+        """Measured folds of `requests`, and the simulation to run for each of them.
 
         For a response, one fold is simulated that stands for all its replicates.
         """
@@ -313,8 +315,8 @@ class StripSubject(Subject):
         return folds, jobs
 
     def _model(self, request: SimulationRequest) -> Hashed[StripModel]:
-        """Cached strip model of `request`; earlier runs count only if an effect ages
-        the strip.
+        """Model of the strip for a request, kept in memory; earlier runs matter to it
+        only where an effect ages the strip.
         """
         effects = tuple(
             (name, tuple(map(float, v))) for name, v in request.effects.items()
@@ -331,8 +333,8 @@ def _describe(
     effects: tuple[tuple[str, Values], ...],
     index: int,
 ) -> Hashed[StripModel]:
-    """Model of `strip` in run `index`, at values `base` of `parameters`, with added
-    `effects`.
+    """Model of `strip` in the run numbered `index`, with the values `base` of
+    `parameters` and with the added `effects`.
     """
     values = {p.name: p.stated_value(v) for p, v in zip(parameters, base, strict=True)}
     known = registry()
@@ -345,8 +347,8 @@ def _describe(
 
 
 def _touch_errors(run: FitRun, residuals: Residuals) -> Array:
-    """Errors (k, 2) [sigma] of a simulation in the displacement of a run's touch, as
-    measured and with l1 and l2 swapped.
+    """Errors of a simulation in the displacement at the touch, in standard deviations:
+    a row with the error as measured and the one with the two lengths swapped.
     """
     touch = run.content.run.touch
     samples = run.samples
@@ -362,8 +364,8 @@ def _touch_errors(run: FitRun, residuals: Residuals) -> Array:
 def open_strip(
     path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
 ) -> StripSubject:
-    """Strip in the file at `path` with its measured runs; effects `without` are no
-    candidates.
+    """Strip in the file at `path` with its measured runs in `folders`, ready for a fit
+    that does not try the effects named in `without`.
 
     Raises ConfigurationError for a broken file or run, or an effect that the library
     lacks.
@@ -405,7 +407,8 @@ def _measured_scene(run: MeasuredRun) -> Scene:
 def _simulated_scene(
     fold: PreparedFold, model: StripModel, motion: SimulatedMotion
 ) -> Scene:
-    """Drawing of `fold` as simulated with `model`.
+    """Drawing of `fold` as it is simulated with `model` in the given `motion`, with
+    distances of the measured points from it.
 
     Distances are of the images that are compared: not those of the first lift and of
     the snap.
@@ -440,8 +443,8 @@ def _images_before_end(run: MeasuredRun) -> Index:
 def _distances(
     fold: PreparedFold, model: StripModel, motion: SimulatedMotion
 ) -> tuple[Index, Array]:
-    """Indices of compared images, and rms distances (k,) [m] of their points from the
-    model.
+    """Indices of the compared images, and for each the root mean square distance [m] of
+    its points from the simulated midline.
     """
     order = np.sort(fold.residuals.layout.profile.order)
     distances = fold.residuals.distances(model, motion, order)
@@ -450,13 +453,15 @@ def _distances(
 
 
 def _desk_track(t: Array, x: Array) -> Track:
-    """Track of a point on the desk at `x` (m,) [m] at the times `t` (m,) [s]."""
+    """Track of a point that moves along the desk, at coordinates `x` [m] at the times
+    `t` [s].
+    """
     return Track(t, np.stack([x, np.zeros_like(x)], axis=1))
 
 
 def _touch_event(touch: Touch | None) -> tuple[tuple[float, str], ...]:
-    """Pair of time [s] and text of the `touch`, with its displacement; empty without a
-    touch.
+    """Pair of the time [s] of a `touch` of the layers and a text with its displacement,
+    in a tuple; empty where `touch` is None.
     """
     if not touch:
         return ()

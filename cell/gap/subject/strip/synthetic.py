@@ -66,8 +66,8 @@ BENCH = Sigma(
 
 
 def reported_path(motion: Motion) -> GripperPath:
-    """Gripper path that an arm reports for `motion`, from rest to rest, its corners
-    rounded.
+    """Gripper path that a robot arm would report for the planned `motion`, which begins
+    and ends at rest and has rounded corners.
     """
     t = np.arange(0.0, motion.duration + 2 * CORNER_TIME + DWELL_TIME, STEP)
     half = round(CORNER_TIME / STEP)
@@ -85,8 +85,8 @@ def reported_path(motion: Motion) -> GripperPath:
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """Simulated fold: the reported `path`, the `model` of strip and rig, and the true
-    motion.
+    """Simulated fold: the reported gripper path, the model of strip and rig, and the
+    true motion, with the times of its shapes.
 
     `shape_t` (m,) [s] are the times of the motion's shapes, `arc` (nodes,) [m] their
     places.
@@ -125,8 +125,8 @@ def rod_folds(
 
 
 def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
-    """Noise-free simulated runs of `strip`, one for each standard motion, numbered
-    `index`.
+    """Simulated runs of `strip` without noise, one for each standard motion, all with
+    the number `index`.
     """
     paths = {
         name: reported_path(motion.over(strip.length))
@@ -139,7 +139,9 @@ def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun
 def measured_along(
     paths: Mapping[str, GripperPath], strip: StripFile, sigma: Sigma, index: int
 ) -> list[MeasuredRun]:
-    """Noise-free simulated runs of `strip` along gripper `paths`, by the run's name."""
+    """Simulated runs of `strip` without noise along each of the gripper `paths`, which
+    are given by the name of the run.
+    """
     models = [describe(strip, index=index)] * len(paths)
     folds = rod_folds(models, list(paths.values()), PLAN_SEGMENTS, PLAN_STEP)
     return [
@@ -148,7 +150,9 @@ def measured_along(
 
 
 def _measure(name: str, fold: Fold, sigma: Sigma, index: int) -> MeasuredRun:
-    """Noise-free measurements of a simulated fold, up to its touch."""
+    """Run called `name` with the measurements of a simulated fold, without noise, up to
+    the touch of its layers.
+    """
     path = fold.path
     motion = fold.motion
     times = fold.shape_t
@@ -182,8 +186,8 @@ def _measure(name: str, fold: Fold, sigma: Sigma, index: int) -> MeasuredRun:
 
 
 def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Midlines:
-    """Images of simulated `shapes` (m, nodes, 2): their midline from the desk contact
-    on.
+    """Midline points that images of the simulated `shapes` show, each from the point
+    where the strip leaves the desk.
     """
     s = np.arange(0.0, arc[-1], POINT_SPACING)
     points = []
@@ -197,8 +201,8 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Midlines
 
 
 def instruction(run: MeasuredRun) -> str:
-    """Instruction for the operator to make a planned `run`, with the effects that it
-    reveals.
+    """Text that tells an operator how to make the planned `run`, and which effects it
+    shows.
     """
     standard = STANDARD[run.name]
     return f"fold once more with --policy {run.condition}; it shows {standard.reveals}"
@@ -214,8 +218,8 @@ def write_fold(
     wild: float = WILD,
     lost: float = LOST,
 ) -> None:
-    """Write `fold` as a measured run of `strip`, with measurement `noise`, into
-    `folder`.
+    """Write the simulated `fold` into `folder` as a measured run of the strip named
+    `strip`, with measurement `noise`.
 
     `wild` is the share of midline points that are off by up to FARTHEST, `lost` that of
     images.
@@ -263,8 +267,8 @@ def _stamps(end: float, lost: float, rng: np.random.Generator) -> Array:
 
 
 def _touch(fold: Fold, noise: Sigma, rng: np.random.Generator) -> Touch | None:
-    """Touch of a simulated fold as measured, with noise; None if the fold has no
-    touch.
+    """Touch of the layers in a simulated fold as it would be measured, with noise; None
+    where the layers do not touch.
     """
     measured = simulated_touch(fold.path, fold.model, fold.motion)
     if not measured:
@@ -293,8 +297,8 @@ def _shape(fold: Fold, stamp: float) -> Array:
 def _curve(
     fold: Fold, stamp: float, sigma: float, wild: float, rng: np.random.Generator
 ) -> Array:
-    """Measured points (n, 2) [m] of the visible midline, from the desk contact to the
-    fingers.
+    """Measured points [m] of the visible midline in one image, a row of x and z for
+    each, from the desk contact to the gripper's fingers.
     """
     shape = _shape(fold, stamp)
     arc = fold.arc
@@ -341,8 +345,8 @@ def _ticks(
 def _forces(
     fold: Fold, t: Array, sigma: float, rng: np.random.Generator
 ) -> dict[str, Array]:
-    """Columns (m,) [N] of reported force at `t` (m,) [s], with noise from a separate
-    generator.
+    """Columns of the reported force [N] along x and z at times `t` [s], with noise from
+    a separate random generator.
     """
     force = _reported_force(fold, t)
     # leaves the run's draws alone
@@ -352,8 +356,8 @@ def _forces(
 
 
 def _reported_force(fold: Fold, t: Array) -> Array:
-    """Force (m, 2) [N] of the strip on the gripper that the arm reports at `t` (m,)
-    [s].
+    """Force [N] of the strip on the gripper, a row of x and z for each time in `t` [s],
+    as the arm reports it.
     """
     motion = fold.motion
     times = motion.t
@@ -362,8 +366,8 @@ def _reported_force(fold: Fold, t: Array) -> Array:
 
 
 def _profile(stamps: Array, curves: Sequence[Array]) -> pa.Table:
-    """Table of the midline points `curves` (n, 2) of images at times `stamps` (k,)
-    [s].
+    """Table of the midline points in `curves` [m], one curve for each image time in
+    `stamps` [s], with a row for each point.
     """
     counts = [len(curve) for curve in curves]
     numbers = [np.arange(count) for count in counts]
