@@ -88,8 +88,8 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
 def intervals(
     estimate: FitEstimate, inefficiency: float, scatter: Sequence[Spread]
 ) -> dict[str, dict[str, Interval]]:
-    """Estimates with 95 % intervals, by owner (`base` or an effect's name) and by
-    parameter.
+    """Estimated values with their 95 % intervals, as a nested mapping: by owner, which
+    is `base` for the file's own parameters or the name of an effect, then by parameter.
 
     They cover noise, run-to-run scatter and measurement errors common to all runs; they
     are wider where few runs show how large the scatter is.
@@ -106,13 +106,15 @@ def intervals(
 
 
 def significant(places: Sequence[Bin]) -> list[Bin]:
-    """Those of `places` whose residuals are beyond noise."""
+    """Those of the groups of samples in `places` whose residuals are larger than noise
+    explains.
+    """
     return [place for place in places if place.p < SIGNIFICANT]
 
 
 def _interval(p: Parameter, value: float, half: float) -> Interval:
-    """Estimate of `p` with its interval of half-width `half`, cut at bounds, in file
-    units.
+    """Estimate `value` of the parameter `p` with an interval of half-width `half` about
+    it, cut at the parameter's bounds, in the unit that files state.
     """
     ends = max(p.low, value - half), min(p.high, value + half)
     low, high = (
@@ -125,8 +127,8 @@ def _interval(p: Parameter, value: float, half: float) -> Interval:
 
 
 def _gap(findings: Findings) -> Gap:
-    """Residuals on held-out runs before and after, their floor, and by how much they
-    shrink.
+    """Part of the verdict on residuals of held-out runs: their sizes before and after
+    effects were added, the noise, and the part of the excess that is removed.
     """
     held_out = findings.held_out_fits
     quantities = findings.quantities
@@ -183,8 +185,8 @@ def _posterior(findings: Findings) -> Probable:
 
 
 def _candidates(findings: Findings) -> list[CandidateEntry]:
-    """Candidate models by their gain, the best first: refitted ones, others as
-    screened.
+    """Entries of the verdict on all tried effects, ordered by how much better each
+    predicts unseen runs, the best first.
     """
     fits = findings.fits
     fitted = {model.name: model for model in fits.models if model.effects}
@@ -211,7 +213,8 @@ def _candidates(findings: Findings) -> list[CandidateEntry]:
 def _compare_with_base(
     findings: Findings, model: CrossValidatedFit, p: float
 ) -> CandidateEntry:
-    """Row on a refitted `model`: its gain [nats] over the base, standard error, p and
+    """Entry of the verdict on a fitted `model`: its gain [nats] in predicting unseen
+    runs over the model without effects, the standard error, p-value and parameter
     values.
     """
     likelihood = findings.likelihood
@@ -238,8 +241,8 @@ def _compare_with_base(
 def _compare_by_screen(
     findings: Findings, candidate: Candidate, score: Score | None
 ) -> CandidateEntry:
-    """Row on a candidate that was not refitted, with its gain [nats] in the linear
-    screen.
+    """Entry of the verdict on a `candidate` effect that was not fitted, with the gain
+    [nats] that a linear estimate gave it; a `score` of None counts as no gain.
     """
     name = candidate.name
     score = score or Score((name,), gain=0.0, start={})
@@ -260,7 +263,9 @@ def _compare_by_screen(
 
 
 def _untested(findings: Findings) -> Iterator[Untested]:
-    """What the runs of a verdict without a name could not have shown, and why."""
+    """Yield what the runs of an investigation that names no effect could not have
+    shown, and why.
+    """
     subject = findings.subject
     runs = subject.runs
     if len({run.condition for run in runs}) == len(runs) and not can_be_ordered(runs):
@@ -282,7 +287,9 @@ def _untested(findings: Findings) -> Iterator[Untested]:
 
 
 def _notes(findings: Findings) -> list[str]:
-    """Notes on a gap that only held-out runs show, and on what names do not predict."""
+    """Notes of the verdict on a gap that only held-out runs show, and on predictions
+    that the named effects do not improve.
+    """
     decision = findings.decision
     if decision.named and decision.failure:
         return [f"{decision.failure} with what is named: it does not account for all"]
@@ -299,8 +306,8 @@ def _notes(findings: Findings) -> list[str]:
 def deviations(
     base: Sequence[Parameter], fitted: Mapping[str, Interval]
 ) -> list[Deviation]:
-    """Fitted base values whose 95 % interval lies outside the range that the file
-    tolerates.
+    """Fitted parameters of the file whose 95 % interval does not meet the range that
+    the file tolerates.
     """
     rows = []
     for p in base:
@@ -323,7 +330,9 @@ def deviations(
 
 
 def _range_of(p: Parameter) -> tuple[float, float]:
-    """Range of a parameter that the file tolerates, as files state the value."""
+    """Lower and upper end of the values of a parameter that the file tolerates, in the
+    unit that files state.
+    """
     if p.tolerated:
         return p.tolerated
     reach = TOLERATED * p.spread

@@ -36,7 +36,9 @@ class EvidenceWeight(Settings):
     by_order: bool = False
 
     def share(self, value: float) -> float:
-        """Position of the evidence `value` between `low` and `high`, from 0 to 1."""
+        """Position of `value` between the ends `low` and `high` of this kind of
+        evidence, from 0 to 1.
+        """
         ends = np.array([np.clip(value, self.low, self.high), self.low, self.high])
         clipped, low, high = np.log1p(ends) if self.by_order else ends
         return float((clipped - low) / (high - low))

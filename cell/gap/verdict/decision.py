@@ -49,8 +49,8 @@ OFFERED = 0.2  # probability from which a suspect may be accepted all the same
 
 
 def decide(results: FitResults) -> DecidedVerdict:
-    """Decide which verdict the results support: named, ambiguous, unexplained or no
-    gap.
+    """Decide which verdict the fitted models support: a named effect, several that
+    cannot be told apart, an unexplained residual, or no gap.
     """
     common = _common_evidence(results)
     evidence = _evidence_by_effect(results, common)
@@ -75,8 +75,8 @@ def decide(results: FitResults) -> DecidedVerdict:
 
 
 def _kind(results: FitResults, *, is_credible: bool, is_named: bool) -> Kind:
-    """Kind of verdict on an accepted model with or without credible and named
-    effects.
+    """Kind of verdict: "named" or "ambiguous" where an accepted effect is credible,
+    else "unexplained" or "no_gap".
     """
     if is_credible:
         return "named" if is_named else "ambiguous"
@@ -89,7 +89,8 @@ def _credible_effects(
     probabilities: Mapping[str, float],
     ends: Mapping[str, Sequence[str]],
 ) -> list[str]:
-    """Names of accepted effects that are probable, with no amount at one of the `ends`.
+    """Names of the accepted effects whose probability is high enough and of which no
+    amount lies at an end of the range that is tried, as `ends` lists.
 
     None beside one that stands in for another law: what that law is may change the
     others.
@@ -101,7 +102,8 @@ def _credible_effects(
 
 
 def _amounts_at_ends(results: FitResults) -> dict[str, list[str]]:
-    """Amounts of accepted effects at an end of the range that is tried, by effect.
+    """Names of the parameters that lie at an end of the range that is tried, by the
+    name of the accepted effect that they belong to.
 
     Places may lie at an end, as that of a strip.
     """
@@ -119,8 +121,8 @@ def _amounts_at_ends(results: FitResults) -> dict[str, list[str]]:
 
 
 def _failed_prediction(evidence: VerdictEvidence) -> str:
-    """Clause on an accepted model that predicts unseen runs no better; empty if
-    better.
+    """Clause that says that the accepted model predicts unseen runs no better than the
+    model without effects; empty where it predicts them better.
     """
     if evidence.gain <= 0.0:
         return "runs that the fit has not seen are predicted no better"
@@ -130,7 +132,7 @@ def _failed_prediction(evidence: VerdictEvidence) -> str:
 
 
 def _gap_is_there(results: FitResults) -> bool:
-    """Whether the refitted base leaves more than noise, in a bin of samples or on
+    """Whether the refitted file leaves more than noise, in some group of samples or on
     held-out runs.
 
     A misfit as a whole that no place shows, and no run that was held out, is no gap.
@@ -142,14 +144,17 @@ def _gap_is_there(results: FitResults) -> bool:
 
 
 def unseen_gap(results: FitResults) -> float:
-    """Excess residual [noise] of the base on held-out runs, with outliers clipped."""
+    """Root mean square by which residuals of held-out runs exceed their noise, in units
+    of noise, with the refitted file, no effect, and outliers clipped.
+    """
     return held_out_gap.bounded_excess(results.held_out_fits.before)
 
 
 def _evidence_by_effect(
     results: FitResults, common: VerdictEvidence
 ) -> dict[str, VerdictEvidence]:
-    """Evidence that sets the probability of each accepted effect, by its name.
+    """Evidence that sets the probability of each accepted effect, by its name: the
+    `common` evidence with the log-odds of that effect.
 
     It is the `common` one with the log-odds of the effect, or of its class.
     """
@@ -162,8 +167,8 @@ def _evidence_by_effect(
 
 
 def _log_odds(results: FitResults, effect: str) -> float:
-    """Log-odds [nats] of the posterior that `effect`, or one of its class, is
-    present.
+    """Logarithm [nats] of the posterior odds that `effect`, or one that the runs cannot
+    tell apart from it, is present.
     """
     classes = [group for group in results.model_tests.classes if effect in group]
     alike = {effect}.union(*classes)
@@ -171,7 +176,9 @@ def _log_odds(results: FitResults, effect: str) -> float:
 
 
 def _common_evidence(results: FitResults) -> VerdictEvidence:
-    """Evidence for or against the accepted model as a whole, of infinite log-odds."""
+    """Evidence for or against the accepted model as a whole, in which the log-odds of
+    an effect are still infinite.
+    """
     runs, quantities = _gains(results)
     accepted = results.accepted
     fits = (accepted, results.held_out_fits.after)
@@ -190,16 +197,16 @@ def _common_evidence(results: FitResults) -> VerdictEvidence:
 
 
 def _correlation(fit: FitEstimate, together: Sequence[bool]) -> float:
-    """Lag-one autocorrelation of the residuals of those runs of `fit` that `together`
-    marks.
+    """Correlation between successive residuals, over those runs of `fit` that are
+    marked true in `together`.
     """
     typical = fit.on([i for i, shares in enumerate(together) if shares])
     return robust.correlation(typical.runs, typical.residuals)
 
 
 def _gains(results: FitResults) -> tuple[list[float], list[float]]:
-    """Predictive gains [nats] of the accepted model over the base, by run and by
-    quantity.
+    """How much better [nats] the accepted model predicts unseen data than the model
+    without effects: one number for each run, and one for each measured quantity.
 
     It is of runs left out in turn as predicted from the others, and of held-out ones.
     """
@@ -229,7 +236,8 @@ def _gains(results: FitResults) -> tuple[list[float], list[float]]:
 def next_steps(
     decision: DecidedVerdict, verdict: Verdict, out: Path, origin: Origin
 ) -> list[Step]:
-    """What an operator may do after the `verdict`, the advised step first.
+    """What an operator may do after the `verdict`, such as accepting its patch or
+    folding again, the advised step first.
 
     `out` is the folder of the fit, `origin` states the subject. A fit leaves a patch
     for each step that accepts something.
@@ -279,7 +287,9 @@ def next_steps(
 
 
 def _may_be_forced(decision: DecidedVerdict, verdict: Verdict) -> bool:
-    """Whether all that is suspected is probable enough, and inside of what is tried."""
+    """Whether every suspected effect is probable enough to be accepted on demand, and
+    lies inside the range that is tried.
+    """
     return all(
         effect.confidence >= OFFERED and effect.name not in decision.at_ends
         for effect in verdict.suspected
@@ -287,12 +297,16 @@ def _may_be_forced(decision: DecidedVerdict, verdict: Verdict) -> bool:
 
 
 def _fold_command(option: str) -> str:
-    """Command that folds the subject of an `option`, if it is a strip."""
+    """Command line that folds the subject which the command-line `option` names; empty
+    where it is no strip.
+    """
     return f"cell fold {option}" if option.startswith("--strip") else ""
 
 
 def _step_without_gap(decision: DecidedVerdict, option: str) -> Step:
-    """What to do where the fitted runs show no gap: there is nothing to accept."""
+    """Advised step after fitted runs that show no gap, where there is nothing to
+    accept; `option` is the command-line option of the subject.
+    """
     if decision.unseen_gap > GAP:
         words = "make the motions of the held-out runs again, and fit all runs"
         return Step("repeat", "", words)
@@ -305,8 +319,8 @@ def _step_without_gap(decision: DecidedVerdict, option: str) -> Step:
 def doubtful_values(
     accepted: CrossValidatedFit, fits: Fits, subject: Subject
 ) -> list[list[str]]:
-    """Groups of an `accepted` effect and base values of the file, one of which may be
-    wrong.
+    """Groups of names, each of an `accepted` effect and of values in the subject's
+    file, one of which may be wrong in place of the other.
 
     Either those values lie STRAINED standard deviations off or more without the effect,
     and runs left out are then predicted as well; or they do beside it, and what that
@@ -331,21 +345,23 @@ def doubtful_values(
 
 
 def _strained(fit: FitEstimate) -> list[str]:
-    """Names of base values of `fit` that deviate from the file by STRAINED prior sigma
-    or more.
+    """Names of values that `fit` moves away from those in the file by more standard
+    deviations of their prior than is credible.
     """
     return [name for name, strain in strains(fit).items() if abs(strain) > STRAINED]
 
 
 def _cosine(a: Array, b: Array) -> float:
-    """Cosine of the angle between vectors (n,); 0 where one of them vanishes."""
+    """Cosine of the angle between two vectors of equal length; zero where one of them
+    vanishes.
+    """
     size = np.linalg.norm(a) * np.linalg.norm(b)
     return float(a @ b / (size or 1.0))
 
 
 def reasons(findings: Findings) -> list[str]:
-    """Sentences on why accepted effects are not named, or the residual stays
-    unexplained.
+    """Sentences on why accepted effects are not named as the cause, or why a residual
+    stays unexplained.
     """
     decision = findings.decision
     repeats = findings.model_tests.repeats
@@ -389,8 +405,8 @@ def reasons(findings: Findings) -> list[str]:
 
 
 def describe_left(findings: Findings) -> str:
-    """Sentence on the residuals that the accepted model leaves on held-out runs, with
-    reasons.
+    """Sentence on the residuals that the accepted model leaves on held-out runs,
+    followed by the reasons why no effect is named.
     """
     quantities = findings.quantities
     after = held_out_gap.sizes(findings.held_out_fits.after, quantities)

@@ -21,7 +21,8 @@ from drivers.base.types import Array
 
 @dataclass(frozen=True, slots=True)
 class BaseFit:
-    """Fit of the base parameters to the runs, and tests of its residuals.
+    """Fit of the parameters in the subject's own file, without any effect, and tests of
+    the residuals that this leaves.
 
     `misfit` is the p-value of the residuals under noise; `scatter` are the quantities
     that differ from run to run; `strained` where the fitted values contradict their
@@ -37,21 +38,23 @@ class BaseFit:
 
     @property
     def doubted(self) -> bool:
-        """Whether the base leaves more than noise or contradicts its priors."""
+        """Whether the refitted file leaves more than noise, or needs values that
+        contradict what it states of them.
+        """
         return self.gap or self.strained
 
     @property
     def gap(self) -> bool:
-        """Whether the base leaves more than noise, in a bin, overall or between
-        repeats.
+        """Whether the refitted file leaves more than noise in some group of samples,
+        over all samples, or between repeated runs.
         """
         seen = self.misfit < ALPHA or any(place.p < ALPHA for place in self.places)
         return seen or self.repeats.drifts or self.repeats.differ
 
 
 class Screen(NamedTuple):
-    """Results of the linear screen: probe responses of candidate effects, predicted
-    gains.
+    """Linear estimate of what each candidate effect could explain: responses of the
+    simulation to small amounts of it, and the gains that they predict.
 
     `singles` are the scores of single effects, `p` their p-values by name; `detectable`
     are detection limits by name, None where no possible size would show; `library` has
@@ -68,7 +71,8 @@ class Screen(NamedTuple):
 
 
 class ModelTests(NamedTuple):
-    """Tests that may cast doubt on the accepted model.
+    """Tests of the accepted model that may cast doubt on it, such as whether its
+    residuals are noise and whether other effects do as well.
 
     `misfit` is the p-value of its residuals under noise; `repeats` are compared in its
     residuals. `classes` are effects that the runs do not separate, `scatter` the
@@ -87,14 +91,14 @@ class ModelTests(NamedTuple):
 
     @property
     def remains(self) -> bool:
-        """Whether the accepted model leaves more than noise."""
+        """Whether the accepted model leaves residuals larger than noise explains."""
         return self.misfit < ALPHA
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOutFits:
-    """Base and accepted model as fitted to held-out runs, and how much the residual
-    shrinks.
+    """Models without and with the accepted effects, each fitted to the runs that were
+    held out, and how much the residual shrinks from one to the other.
     """
 
     before: FitEstimate
@@ -103,20 +107,22 @@ class HeldOutFits:
 
     @property
     def changed(self) -> bool:
-        """Whether an effect was accepted; without one, `after` is `before`."""
+        """Whether an effect was accepted; where none was, `after` is the same fit as
+        `before`.
+        """
         return self.after is not self.before
 
     @property
     def by_key(self) -> dict[str, FitEstimate]:
-        """Fits to held-out runs by key: `before` and, where an effect was accepted,
-        `after`.
+        """Fits to the held-out runs: under `before` the one without effects and, where
+        an effect was accepted, under `after` the one with it.
         """
         return {"before": self.before} | ({"after": self.after} if self.changed else {})
 
 
 @dataclass(frozen=True, slots=True)
 class FitResults:
-    """Fits and tests of an investigation, by which its verdict is decided.
+    """All fits and tests of an investigation by which its verdict is decided.
 
     `accepted` is the model that was chosen among `fits`: the base where no effect was
     accepted.
@@ -134,36 +140,40 @@ class FitResults:
 
     @property
     def scope(self) -> Scope:
-        """Fit problem of the subject."""
+        """What the fit of the subject may change: parameters of its file, and candidate
+        effects.
+        """
         return self.subject.scope
 
     @property
     def quantities(self) -> Mapping[str, Quantity]:
-        """Displayed quantities by name."""
+        """Measured quantities in which residuals are shown, such as lengths in mm, by
+        the name of their channel.
+        """
         return self.scope.quantities
 
     @property
     def base(self) -> CrossValidatedFit:
-        """Refitted base model, without added effects."""
+        """Model of the refitted file without added effects."""
         return self.base_fit.base
 
     @property
     def places(self) -> Sequence[Bin]:
-        """Bins where residuals of the base exceed noise or match accepted effects, by
-        strength.
+        """Groups of samples in which residuals without effects exceed noise or match
+        the accepted effects, the strongest first.
         """
         return stronger_of_two(self.base_fit.places, self.model_tests.places)
 
     @property
     def likelihood(self) -> LikelihoodScale:
-        """Dispersion and inefficiency by which log-likelihoods of all models are
-        divided.
+        """Scale by which the log-likelihoods of all models are divided, because
+        residuals vary more than noise and neighbours are not independent.
         """
         return self.fits.likelihood
 
     @property
     def separable(self) -> list[Candidate]:
-        """Accepted effects that the runs tell apart from all others."""
+        """Accepted effects that the runs can tell apart from all other candidates."""
         doubtful = {name for group in self.model_tests.classes for name in group}
         return [
             effect for effect in self.accepted.effects if effect.name not in doubtful
@@ -171,7 +181,8 @@ class FitResults:
 
 
 class DecidedVerdict(NamedTuple):
-    """Decided verdict on the accepted model, and what it rests on.
+    """Verdict on the accepted model, with the probabilities and the evidence on which
+    it rests.
 
     `named` are the credible effects that the runs tell apart from all others, and
     `probabilities` are those of all accepted effects by name, calibrated. `evidence` is
@@ -192,7 +203,8 @@ class DecidedVerdict(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Findings(FitResults):
-    """All results of an investigation of a subject, with the decision on them.
+    """All results of the investigation of a subject, together with the verdict and the
+    experiments that would say more.
 
     `experiments` would separate the accepted model from another one, the best first;
     `law` describes what no effect explains, if one is offered.
@@ -209,6 +221,8 @@ class Findings(FitResults):
         decision: DecidedVerdict,
         experiments: Sequence[Recommendation],
     ) -> Self:
-        """Findings with the `decision` on `results`, without a law."""
+        """Findings from the fits and tests in `results`, the `decision` on them and
+        advised `experiments`, with no description of unexplained residuals.
+        """
         known = {field.name: getattr(results, field.name) for field in fields(results)}
         return cls(**known, decision=decision, experiments=experiments)

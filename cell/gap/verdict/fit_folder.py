@@ -60,12 +60,14 @@ class PatchFiles(Recorded):
 
     @property
     def names(self) -> list[str]:
-        """Names of the files that there are."""
+        """Names of all files that the step accepts, without those that it lacks."""
         return [*filter(None, (self.subject, self.model, self.plain, self.cell))]
 
 
 def patch_files(kind: StepKind, roles: Collection[str]) -> PatchFiles:
-    """Names of the files that the step `kind` accepts, in these `roles`."""
+    """Names of the files that an operator's step of this `kind` accepts, out of those
+    with the given `roles`, such as the subject's file or the cell's.
+    """
     before = LAW if kind == "accept_law" else ""
     names = {role: before + name for role, name in MODELS.items()}
     names |= {"subject": PATCHES[kind], "cell": CELL_PATCH}
@@ -97,13 +99,16 @@ class FitRecord(Recorded):
 
     @property
     def laws(self) -> tuple[str, ...]:
-        """Names of the terms of the empirical law that the fit offers."""
+        """Names of the terms by which the fit describes residuals that no effect
+        explains; empty where it offers no such description.
+        """
         return tuple(self.law.terms) if self.law else ()
 
 
 @contextmanager
 def results_folder(out: Path) -> Iterator[Path]:
-    """Context with an empty folder whose files become those of `out` at its end.
+    """Context with an empty folder for the results of a fit, which replace those in the
+    folder `out` at its end.
 
     They do once `finish` has been called; else `out` stays as it was. Other fits and
     acceptances are locked out. Raises ConfigurationError where `out` cannot be written,
@@ -131,7 +136,8 @@ def results_folder(out: Path) -> Iterator[Path]:
 
 
 def check_replaceable(out: Path) -> None:
-    """Refuse a folder of results that holds files but none of a fit or a check.
+    """Raise ConfigurationError where the folder `out` holds files but no results of a
+    fit or a check that may be replaced.
 
     To be asked before anything is read. Raises ConfigurationError.
     """
@@ -140,14 +146,17 @@ def check_replaceable(out: Path) -> None:
 
 
 def finish(stage: Path, record: FitRecord) -> None:
-    """Write the `record` beside all other results in `stage`: the fit is complete."""
+    """Write the `record` of a fit into the folder `stage`, which holds all its other
+    results: that marks the fit as complete.
+    """
     digests = {p.name: file_digest(p) for p in stage.iterdir()}
     whole = record.model_copy(update={"results": digests})
     write_file(stage / RECORD, whole.model_dump_json(by_alias=True, indent=1))
 
 
 def _complete_move(out: Path) -> None:
-    """Move results of a finished fit from STAGE to their places in `out`, if any wait.
+    """Move the results of a finished fit to their places in the folder `out`, where
+    they still wait in the subfolder in which they were written.
 
     Those of an earlier fit are replaced. Raises ConfigurationError where somebody has
     changed one of them, or has put another file at its place.
@@ -173,7 +182,8 @@ def _complete_move(out: Path) -> None:
 
 
 def read_record(out: Path) -> FitRecord:
-    """Record of the complete fit in `out`.
+    """Record of the complete fit in the folder `out`; moves its results into place
+    first, if an interrupted fit has not.
 
     Raises ConfigurationError where there is none, or its verdict or a patch is missing
     or not as the fit wrote it. The folder is to be locked.
@@ -213,7 +223,9 @@ def _known_records(out: Path) -> list[FitRecord]:
 
 
 def _check_own(out: Path, records: Sequence[FitRecord]) -> None:
-    """Refuse to write over a file in `out` that is not as one of `records` states."""
+    """Raise ConfigurationError rather than write over a file in the folder `out` that
+    is not as one of the `records` of its fits states.
+    """
     names = {VERDICT, PAGE, OVERLAY, *PATCHES.values()}
     names |= {CELL_PATCH, *MODELS.values(), *(LAW + name for name in MODELS.values())}
     for name in sorted(names.union(*(record.results for record in records))):

@@ -32,8 +32,8 @@ STEADY = 0.7  # share of halves of the runs on which each term keeps its sign
 
 
 class OfferedLaw(NamedTuple):
-    """Empirical law of residuals: terms with fitted amounts, a description and no
-    cause.
+    """Formula that describes residuals without naming a cause: a sum of terms with
+    fitted amounts, and words for it.
 
     `base` and `terms` hold values by name; `shrink` is the share of the excess gap on
     held-out runs that it closes.
@@ -52,8 +52,8 @@ def offered_law(
     before: FitEstimate,
     rng: np.random.Generator,
 ) -> OfferedLaw | None:
-    """Most probable stable law of the residuals that the base leaves on held-out runs;
-    or None.
+    """Most probable formula for the residuals that no effect explains on held-out runs,
+    if it is stable; None where there is no such formula.
 
     `before` is the base on runs that were held out. None where no term is clearly more
     probable than none, no law is stable, or none shrinks the residuals of those runs.
@@ -75,7 +75,9 @@ def offered_law(
 
 
 def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
-    """Copy of `fits` with laws of up to MOST_TERMS terms, chosen by a linear screen."""
+    """Copy of `fits` with models made of a few descriptive terms each, the most
+    promising ones by a linear estimate.
+    """
     base = fits.base
     terms = [term for term in subject.scope.terms if len(term.parameters) == 1]
     probed = run_all(simulate, [run_probes(base, term) for term in terms])
@@ -91,8 +93,8 @@ def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
 
 
 def _stable(estimate: FitEstimate) -> bool:
-    """Whether each term keeps its sign on most halves of the runs (Meinshausen,
-    Buehlmann 2010).
+    """Whether each descriptive term of `estimate` keeps its sign when it is fitted to
+    only half of the runs, for most halves.
     """
     first = len(estimate.model.base)
     runs = len(estimate.residuals)
@@ -103,8 +105,8 @@ def _stable(estimate: FitEstimate) -> bool:
 
 
 def _offer(fit: FitEstimate, shrink: float) -> OfferedLaw:
-    """Law of the fitted terms of `fit`, which remove the share `shrink` of the excess
-    residual.
+    """Formula from the fitted descriptive terms of `fit`, which remove the part
+    `shrink` of the excess residual on held-out runs.
     """
     values, terms = fit.values
     pairs = zip(fit.model.base, values.tolist(), strict=True)

@@ -55,7 +55,9 @@ class Interval(VerdictPart):
     unit: str = Field("", exclude_if=lambda unit: unit == "")
 
     def __str__(self) -> str:
-        """Text of the value with its unit, if any, and its interval."""
+        """Text of the value with its unit, if it has one, and the ends of its interval,
+        where `any` stands for an unbounded end.
+        """
         ends = ("any" if end is None else f"{end:.4g}" for end in (self.low, self.high))
         return (
             f"{f'{self.value:.4g} {self.unit}'.removesuffix(' 1')}"
@@ -107,7 +109,8 @@ class Gap(VerdictPart):
     shrink_high: float
 
     def sentence(self) -> str:
-        """Sentence on how far held-out runs lie beyond noise [sigma], before and after.
+        """Sentence on how far residuals of held-out runs exceed their noise before and
+        after effects were added, in units of that noise.
 
         It names the quantities that grow beyond their noise.
         """
@@ -131,7 +134,7 @@ class Untested(VerdictPart):
     why: str
 
     def __str__(self) -> str:
-        """Text of the entry, in a few words."""
+        """Text of what the runs cannot show, with the reason in brackets."""
         return f"{self.what} ({self.why})"
 
 
@@ -182,8 +185,8 @@ class VerdictEvidence(VerdictPart):
 
     @property
     def correlated(self) -> float:
-        """Rms [noise] of the autocorrelated part of the residuals that the model
-        leaves.
+        """Root mean square, in units of noise, of the part of the residuals that the
+        model leaves and that resembles its neighbours in time.
 
         The correlation itself is high, too, where hardly anything is left.
         """
@@ -191,7 +194,9 @@ class VerdictEvidence(VerdictPart):
 
     @property
     def loss(self) -> float:
-        """Loss [nats] of prediction in the run or quantity that is predicted worst."""
+        """How much worse [nats] the model predicts the run or quantity that it predicts
+        worst than the model without effects; zero where it predicts all better.
+        """
         return max(-self.worst, 0.0)
 
 
@@ -220,7 +225,9 @@ class Step:
 
     @property
     def sentence(self) -> str:
-        """Sentence on the step without a full stop, its command in backticks."""
+        """Sentence on the step without a full stop: its command in backticks, if it has
+        one, and what that does.
+        """
         return f"`{self.command}` {self.words}" if self.command else self.words
 
     def __str__(self) -> str:
@@ -266,7 +273,7 @@ class Verdict(VerdictPart):
 
     @property
     def held_out_sentence(self) -> str:
-        """Sentence on how well runs that the fit has not seen are predicted.
+        """Sentence on how well the model predicts runs that the fit has not seen.
 
         Where they show no gap, it says what else speaks for the name.
         """
@@ -281,8 +288,8 @@ class Verdict(VerdictPart):
         )
 
     def values_with(self, effects: Sequence[NamedEffect]) -> Values:
-        """Fitted values for a patch: of the base by name, of each of `effects` by
-        parameter.
+        """Pair of fitted values for a patch: those of the file's own parameters by
+        name, and those of each of `effects` by effect and parameter.
         """
         base = {name: v.value for name, v in self.base.items()}
         return base, {
@@ -346,8 +353,8 @@ class Verdict(VerdictPart):
 
 
 def _meter(value: float, other: float) -> str:
-    """Table cell with number and bar of a `value`, to the same scale as the `other`
-    value.
+    """HTML table cell with a number and a bar for `value`, to the same scale as that
+    for the `other` value.
     """
     return (
         f'<td>{value:.3g} <meter max="{max(value, other)}"'
@@ -356,8 +363,8 @@ def _meter(value: float, other: float) -> str:
 
 
 def read_verdict(path: Path) -> Verdict:
-    """Verdict in the file at `path`; ConfigurationError where it is missing or
-    broken.
+    """Verdict of a fit, read from the file at `path`; ConfigurationError where that is
+    missing or broken.
     """
     fit_folder(path.parent)
     if not path.exists():
@@ -366,7 +373,9 @@ def read_verdict(path: Path) -> Verdict:
 
 
 def fit_folder(out: Path) -> Path:
-    """Folder `out` of a fit; raises ConfigurationError where there is none."""
+    """The same folder `out` of a fit, checked; ConfigurationError where there is no
+    such folder.
+    """
     if not out.is_dir():
         what = "is a file" if out.exists() else "no such folder"
         raise ConfigurationError(f"{out}: {what}; {NAME_FOLDER}")
