@@ -31,8 +31,8 @@ HEAT_TICKS = (0, 1, 3, 10, 30, 100, 1000, 10000)  # sigma, on its logarithmic sc
 
 
 class RunScenes(NamedTuple):
-    """Run as measured and simulated: scenes by the keys `measured`, `before` and
-    `after`.
+    """Drawings of one run as it was measured and as it is simulated, under the keys
+    `measured`, `before` and `after`: without and with the effects that were accepted.
 
     `after` is left out where no effect was accepted, and a simulation where it has no
     motion.
@@ -44,16 +44,16 @@ class RunScenes(NamedTuple):
 
     @property
     def measured(self) -> Scene:
-        """Scene of the run as it was measured."""
+        """Drawing of the run as it was measured."""
         return self.scenes["measured"]
 
 
 class DrawnVerdict(Verdict):
-    """Verdict that can be drawn."""
+    """Verdict of a fit that also has a figure of how residuals shrink."""
 
     def plot(self) -> Figure:
-        """Figure of the residuals of held-out runs by quantity, before and after, in
-        units of their noise.
+        """Figure with the residuals of held-out runs for each measured quantity, before
+        and after effects were added, in units of their noise.
         """
         gap = self.gap
         noise = {key: value for key, value in gap.floor.items() if value}
@@ -75,8 +75,8 @@ class DrawnVerdict(Verdict):
 
 
 def folds(shapes: Mapping[str, Array]) -> str:
-    """Figure (SVG text) of folded strips at the touch of layers: midlines (n, 2) [m] by
-    name.
+    """Figure, as SVG text, of folded strips when their layers touch, from midlines
+    given by name, with a row of x and z [m] for each point.
     """
     with canvas(7.0, 2.2) as figure:
         axes = figure.add_subplot(aspect="equal", anchor="W")
@@ -90,8 +90,8 @@ def folds(shapes: Mapping[str, Array]) -> str:
 
 
 def replay(findings: Findings) -> Iterator[RunScenes]:
-    """Simulate runs with the base and the accepted model for drawings, held-out runs
-    first.
+    """Simulate runs for drawings, without and with the accepted effects, and yield the
+    drawings of each run, held-out runs first.
     """
     subject = findings.subject
     fitted: dict[str, FitEstimate] = {"before": findings.base}
@@ -104,7 +104,9 @@ def replay(findings: Findings) -> Iterator[RunScenes]:
 def replay_runs(
     subject: Subject, fits: Mapping[str, FitEstimate], *, held_out: bool
 ) -> Iterator[RunScenes]:
-    """Simulate the runs of `fits`, one fit each for the keys `before` and `after`."""
+    """Simulate the runs of `fits`, which holds one fit under each of the keys `before`
+    and `after`, and yield the drawings of each run.
+    """
     drawn = {
         word: subject.draw_simulated(requests(fit.model, fit.runs, fit.point))
         for word, fit in fits.items()
@@ -118,8 +120,9 @@ def replay_runs(
 
 
 def heat_map(places: Sequence[Bin]) -> str:
-    """Figure (SVG text) of |z| [sigma] by bin: channel, zone, phase in rows, by
-    conditions.
+    """Figure, as SVG text, of how far residuals lie from zero, in standard deviations:
+    a column for each kind of motion, a row for each measured quantity, part of the
+    subject and phase.
     """
     cells = {((p.channel, p.zone, p.phase), p.condition): p for p in places}
     rows, columns = (sorted({*words}) for words in zip(*cells, strict=True))
@@ -161,8 +164,8 @@ def heat_map(places: Sequence[Bin]) -> str:
 def residual_traces(
     fits: Mapping[str, FitEstimate], run: int, quantities: Mapping[str, Quantity]
 ) -> str:
-    """Figure (SVG text) of residuals over time in run number `run`, by key of
-    `fits`.
+    """Figure, as SVG text, of residuals over time in the run with the index `run`, for
+    each of `fits`, which are given by key.
     """
     samples = fits["before"].runs[run].samples
     order = np.argsort(samples.t, kind="stable")
@@ -193,8 +196,8 @@ def _residual_trace(
     means: Mapping[str, Array],
     quantities: Mapping[str, Quantity],
 ) -> None:
-    """Draw residual `means` (n,) [SI] by fit in one series over a band of 2 sigma
-    noise.
+    """Draw the residuals of one time series of samples into `axis`, those of each fit
+    in `means`, over a band of two standard deviations of noise.
     """
     first = rows[0]
     t = samples.t[rows]
@@ -214,7 +217,8 @@ def _residual_trace(
 
 
 class Worst(NamedTuple):
-    """Moment of a run at which the model before is farthest from the curve measured.
+    """Moment of a run at which the simulation without effects is farthest from the
+    measured curve.
 
     `t` [s] is that of image number `image`, `off` the rms distances [m] of the measured
     points from the simulated curves by their key.
@@ -227,7 +231,9 @@ class Worst(NamedTuple):
 
 
 def worst_moment(runs: Sequence[RunScenes]) -> Worst | None:
-    """Worst moment of `runs`; None where they have no curve."""
+    """Moment at which the simulation without effects is farthest from the measured
+    curve, out of all moments of `runs`; None where these have no curve.
+    """
     found = None
     for run in runs:
         curves = {key: drawn.curve for key, drawn in run.scenes.items() if drawn.curve}
@@ -250,14 +256,16 @@ def worst_moment(runs: Sequence[RunScenes]) -> Worst | None:
 
 
 def _distance(points: Array, line: Array) -> float:
-    """Rms distance [m] of `points` (k, 2) from the nodes (n, 2) of a curve."""
+    """Root mean square distance [m] of `points` from the nearest nodes of the curve
+    `line`, both with a row of two coordinates for each point.
+    """
     apart = np.hypot(*(points[:, None] - line[None]).transpose(2, 0, 1))
     return float(np.sqrt(np.mean(apart.min(axis=1) ** 2)))
 
 
 def worst_picture(worst: Worst) -> str:
-    """Figure (SVG text) of the strip at its worst moment: measured, before and
-    after.
+    """Figure, as SVG text, of the strip at its worst moment, as it was measured and as
+    it is simulated before and after effects were added.
     """
     with canvas(7.0, 4.6) as figure:
         axis = figure.add_subplot()
@@ -268,7 +276,9 @@ def worst_picture(worst: Worst) -> str:
 
 
 def _midline(axis: Axes, run: RunScenes, k: int) -> None:
-    """Draw measured and simulated midlines of image number `k`."""
+    """Draw into `axis` the measured and the simulated midlines of a run in image number
+    `k`.
+    """
     curves = {word: scene.curve for word, scene in run.scenes.items() if scene.curve}
     drawn = {word: 1e3 * curve.points[k] for word, curve in curves.items()}
     points = drawn.pop("measured")
@@ -295,8 +305,8 @@ def _legend_above(figure: Figure, axis: Axes) -> None:
 
 
 def run_bars(names: Sequence[str], by_fit: Mapping[str, Array]) -> str:
-    """Figure (SVG text) of the excess residual (R,) [sigma] of each held-out run, by
-    fit.
+    """Figure, as SVG text, with bars that show for each held-out run by how many
+    standard deviations its residuals exceed noise, one bar for each fit.
     """
     with canvas(6.0, 1.2 + 0.4 * len(names)) as figure:
         axis = _bars(figure, names, by_fit, "beyond noise [sigma]")
@@ -308,7 +318,9 @@ def run_bars(names: Sequence[str], by_fit: Mapping[str, Array]) -> str:
 def _bars(
     figure: Figure, names: Sequence[str], by_fit: Mapping[str, Array], label: str
 ) -> Axes:
-    """Axes with a bar (n,) by fit in a row for each of the `names`."""
+    """Axes with a line for each of `names`, which holds one horizontal bar for each fit
+    in `by_fit`.
+    """
     axis: Axes = figure.add_subplot()
     rows = np.arange(len(names))
     for k, (word, sizes) in enumerate(by_fit.items()):

@@ -43,8 +43,8 @@ AFTER = 0.05  # s after the last reading, when nothing is shown any more
 
 
 def write_overlay(findings: Findings, verdict: Verdict, path: Path) -> None:
-    """Write the Rerun recording of a fit's runs at `path`; ConfigurationError on
-    failure.
+    """Write a Rerun recording at `path` that shows the runs of a fit as measured and as
+    simulated; ConfigurationError where that fails.
     """
     words = f"## {headline(verdict)}\n\n{sentence(findings, verdict)}"
     write_recording(findings.subject.name, list(replay(findings)), path, words)
@@ -53,8 +53,8 @@ def write_overlay(findings: Findings, verdict: Verdict, path: Path) -> None:
 def write_recording(
     name: str, runs: Sequence[RunScenes], path: Path, words: str
 ) -> None:
-    """Write a Rerun recording of `runs` of the subject `name`; ConfigurationError on
-    failure.
+    """Write a Rerun recording at `path` of the `runs` of the subject called `name`,
+    with the text `words` on the verdict; ConfigurationError where that fails.
     """
     recording = rr.RecordingStream("cell gap", recording_id=f"gap-{name}")
     try:
@@ -68,14 +68,16 @@ def write_recording(
 
 
 def blueprint(runs: Sequence[RunScenes]) -> Any:
-    """Rerun layout with a tab for each run: curve and events if any, and plots of
-    signals.
+    """Layout of the Rerun viewer with a tab for each run, which shows its curve and
+    events, if it has any, and plots of its signals.
     """
     return saving.blueprint(rrb.Tabs(*map(_run_tab, runs), active_tab=0))
 
 
 def _run_tab(run: RunScenes) -> Any:
-    """Tab of one run: its curve over events and verdict, beside its signals."""
+    """Tab of the Rerun viewer for one run, with its curve above its events and the
+    verdict, beside plots of its signals.
+    """
     name = run.name
     root = _root(name)
     title = f"{name} (held out)" if run.held_out else name
@@ -97,7 +99,9 @@ def _run_tab(run: RunScenes) -> Any:
 
 
 def _log_run(recording: rr.RecordingStream, run: RunScenes) -> None:
-    """Log the signals, curve, tracks and events of a run, measured and simulated."""
+    """Log the signals, curve, moving points and events of a run into a Rerun recording,
+    as measured and as simulated.
+    """
     root = _root(run.name)
     world = f"{root}/{scene.WORLD}"
     if run.measured.curve:
@@ -113,7 +117,9 @@ def _log_run(recording: rr.RecordingStream, run: RunScenes) -> None:
 
 
 def _log_surroundings(recording: rr.RecordingStream, root: str, run: RunScenes) -> None:
-    """Log desk and clamp, and the gripper's path as a line."""
+    """Log the desk and the clamp of a run into a Rerun recording, and the gripper's
+    path as a line.
+    """
     bodies = scene.surroundings(_length(run), WIDTH, Installation())
     for entity, body in bodies.items():
         under = entity.removeprefix(scene.WORLD)
@@ -131,7 +137,9 @@ def _length(run: RunScenes) -> float:
 def _log_tracks(
     recording: rr.RecordingStream, root: str, word: str, drawn: Scene
 ) -> None:
-    """Log the moving points of a scene, the gripper larger than the contact."""
+    """Log the moving points of the scene `drawn` into a Rerun recording, the gripper as
+    a larger one than the desk contact.
+    """
     for name, track in drawn.tracks.items():
         is_hand = name == "gripper"
         colour = scene.PATH_RGBA if is_hand else CURVE_COLOURS[word]
@@ -166,7 +174,9 @@ def _log_signals(
 def _log_curve(
     recording: rr.RecordingStream, root: str, word: str, drawn: Scene
 ) -> None:
-    """Log a measured curve as unconnected points, a simulated one as a line."""
+    """Log the curve of the scene `drawn` into a Rerun recording, as separate points
+    where it was measured, as a line where it is simulated.
+    """
     curve = drawn.curve
     if not (curve and len(curve.t)):
         return
@@ -191,7 +201,9 @@ def _log_curve(
 def _send_columns(
     recording: rr.RecordingStream, entity: str, t: Array, columns: Any, look: Any
 ) -> None:
-    """Log the rows of a Rerun `entity` at times `t` (m,) [s]; nothing without rows."""
+    """Log a Rerun `entity` with one state for each of the times `t` [s]; nothing where
+    there are no times.
+    """
     if not len(t):
         return
     recording.log(entity, look, static=True)
@@ -201,8 +213,8 @@ def _send_columns(
 def _send_shapes(
     recording: rr.RecordingStream, entity: str, t: Array, columns: Any, look: Any
 ) -> None:
-    """Log rows of a shape, of which the first stands when the recording opens, and
-    which is cleared after the last.
+    """Log a shape with one state for each of the times `t` [s], the first already seen
+    as the recording opens; the shape vanishes after the last.
     """
     if not len(t):
         return
@@ -219,7 +231,9 @@ def _send_shapes(
 
 
 def _signal(root: str, title: str) -> str:
-    """Entity of the plot of signals with a `title`."""
+    """Path, in a Rerun recording, of the plot of signals with the given `title`, below
+    the path `root` of its run.
+    """
     return f"{root}/signals/{rr.escape_entity_path_part(title)}"
 
 

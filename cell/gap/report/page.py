@@ -80,8 +80,8 @@ TONES: dict[Kind, Tone] = {
 
 
 def _place_values(findings: Findings) -> dict[str, str]:
-    """Template values on bins where the refitted base deviates beyond noise: `words`,
-    `map`.
+    """Values for the page's template on where residuals exceed noise most: a sentence
+    under `words`, a figure under `map`.
     """
     places = findings.places
     words = "Nowhere beyond what noise does."
@@ -97,7 +97,9 @@ def _place_values(findings: Findings) -> dict[str, str]:
 
 
 def _candidate_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on all fitted models, with their gain [nats] on left-out runs."""
+    """Values for the page's template on all models that were fitted, with how much
+    better [nats] each predicts runs that it has not seen.
+    """
     accepted = findings.accepted
     note = (
         "What each effect gains in predicting runs that the fit had not seen, in nats."
@@ -116,8 +118,8 @@ def _candidate_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
-    """Template values on one candidate: name, gain, standard error, p-value,
-    parameters.
+    """Values for the page's template on one tried effect: its name, gain, standard
+    error, p-value and parameters.
     """
     scatter = f"{row.se:.1f}" if row.se else NO_VALUE  # none where it was only screened
     return {
@@ -131,8 +133,8 @@ def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
 
 
 def _base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on the base model: rows of stated and refitted parameters, and a
-    note.
+    """Values for the page's template on the parameters of the subject's file: a row for
+    each with its stated and its fitted value, and a note.
     """
     weak = ", ".join(p.name for p, _ in undetermined_values(findings.base))
     note = f"The runs add little to what was known before of: {weak}."
@@ -151,8 +153,8 @@ def _base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def _held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on held-out runs, before and after: figures, a sentence, a
-    table.
+    """Values for the page's template on held-out runs before and after effects were
+    added: figures, a sentence and a table.
     """
     fits = findings.held_out_fits.by_key
     names = conditions(fits["before"].runs)
@@ -178,8 +180,8 @@ def _held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 def _worst_values(
     findings: Findings, fits: Mapping[str, FitEstimate], run: int, name: str
 ) -> dict[str, str]:
-    """Template values on the worst moment of the held-out run that is farthest off:
-    figure, sentence.
+    """Values for the page's template on the worst moment of the held-out run with the
+    index `run`: a figure and a sentence.
     """
     drawn = {word: fit.on([run]) for word, fit in fits.items()}
     replays = list(figures.replay_runs(findings.subject, drawn, held_out=True))
@@ -200,7 +202,9 @@ def _worst_values(
 
 
 def _sizes(verdict: Verdict) -> list[tuple[str, str, str]]:
-    """Rows on each parameter of what is missing or suspected: name, value, interval."""
+    """Table rows on each parameter of the effects that are named or suspected: name,
+    value, and 95 % interval.
+    """
     rows = []
     every = [(effect, "") for effect in verdict.effects]
     every += [(effect, "suspected, ") for effect in verdict.suspected]
@@ -216,8 +220,8 @@ def _sizes(verdict: Verdict) -> list[tuple[str, str, str]]:
 
 
 def _held_out_rows(findings: Findings, gap: Gap) -> Iterator[tuple[str, ...]]:
-    """Rows by quantity: rms of each fit to held-out runs, noise, excess of each fit
-    [noise].
+    """Table rows, one for each measured quantity, with the residual of each fit to
+    held-out runs, the noise, and by how much each fit exceeds it.
     """
     quantities = findings.quantities
     fits = findings.held_out_fits.by_key
@@ -244,8 +248,8 @@ def conditions(runs: Sequence[FitRun]) -> list[str]:
 
 
 def _remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on the residual that the accepted model leaves, and detection
-    limits.
+    """Values for the page's template on residuals that the accepted model leaves, and
+    on the smallest effects that the runs would have shown.
     """
     known = findings.scope.by_name
     rest = verdict.unexplained
@@ -271,7 +275,9 @@ def _remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def _law_text(law: OfferedLaw) -> str:
-    """Sentence on the law that is offered, and the share of the gap that it closes."""
+    """Sentence on the formula that describes an unexplained residual without a cause,
+    and on how much of the gap it closes.
+    """
     closed = in_percent(law.shrink)
     return (
         f"A law describes it, without a name: {law.words}. It closes {closed} of the"
@@ -280,8 +286,8 @@ def _law_text(law: OfferedLaw) -> str:
 
 
 def page(findings: Findings, verdict: Verdict) -> str:
-    """HTML text of a fit's report: the verdict card, figures, and below them all
-    numbers.
+    """HTML text of the report of a fit: a card with the verdict, figures, and all
+    numbers below them.
     """
     subject = findings.subject
     name = subject.name
@@ -316,8 +322,8 @@ def page(findings: Findings, verdict: Verdict) -> str:
 
 
 def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on folds of the accepted strip, planned without and with its
-    patch.
+    """Values for the page's template on simulated folds of the strip, one planned from
+    its file and one planned with the accepted effects.
 
     Empty for mechanisms, where nothing was accepted, and where the rod cannot simulate
     the strip.
@@ -346,7 +352,9 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 def _verdict_card(
     findings: Findings, verdict: Verdict, planned: Mapping[str, Any]
 ) -> Card:
-    """Verdict card: headline, sentences, tone, and the probability in large print."""
+    """Card at the top of the page with the headline and sentences of the verdict, its
+    colour, and its probability in large print.
+    """
     number = below = ""
     if effects := verdict.effects:
         number = in_percent(min(effect.confidence for effect in effects))
@@ -370,7 +378,9 @@ def _verdict_card(
 
 
 def _fold_sentence(verdict: Verdict, rows: Sequence[tuple[str, str]]) -> str:
-    """Sentence on the fold as it is planned from the file, and with what was found."""
+    """Sentence on where a simulated fold ends that is planned from the strip's file,
+    and where one that is planned with the found effects does.
+    """
     words = " and ".join(map(effect_title, verdict.effects))
     (_, before), (_, after) = rows
     return (
@@ -380,13 +390,15 @@ def _fold_sentence(verdict: Verdict, rows: Sequence[tuple[str, str]]) -> str:
 
 
 def _off(length: float) -> str:
-    """Text of the size of a `length` [m], none below what a camera can tell."""
+    """Text of the size of a `length` [m] in millimetres, or `less than 0.1 mm` where a
+    camera could not tell it from zero.
+    """
     return "less than 0.1 mm" if abs(length) < 5e-5 else millimetres(abs(length))
 
 
 def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
-    """Rows on quantities that differ from run to run; None for a subject without
-    any.
+    """Table rows on quantities that differ from run to run; None for a subject that has
+    no such quantities.
     """
     if not any(p.random for run in findings.subject.runs for p in run.local):
         return None
@@ -394,8 +406,9 @@ def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
 
 
 def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
-    """Rows (run, separated models, sigma, minutes) of advised runs; None where
-    decided.
+    """Table rows on the runs that are advised next: the run, the models that it
+    separates, by how many standard deviations, and its minutes; None where the verdict
+    is clear.
     """
     if verdict.verdict in ("named", "no_gap") and not verdict.ambiguous:
         return None
@@ -411,7 +424,9 @@ def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
 
 
 def _evidence(findings: Findings, verdict: Verdict) -> list[tuple[str, ...]]:
-    """Rows on what was read: name, what it is, digest if it is a file."""
+    """Table rows on the files and runs that the fit has read: name, what it is, and for
+    files the begin of the SHA-256 digest.
+    """
     subject = findings.subject
     rows: list[tuple[str, ...]] = [
         (path.name, "stated by the file", digest[:16])

@@ -27,13 +27,15 @@ SPREAD_UNITS = {**SMALL_UNITS, "1": (100.0, "%"), "N": (1e3, "mN")}
 
 
 def in_small_unit(value: float, of: str) -> float:
-    """Number of a `value` in the unit `of`, converted to the unit that pages show."""
+    """Number for `value`, which is stated in the unit `of`, in the smaller unit that
+    pages show, such as mm for m.
+    """
     return value * SMALL_UNITS.get(of, (1.0, of))[0]
 
 
 def shown_unit(text: str) -> str:
-    """Symbol of the unit in which pages show the unit `text`: mm for m, ms for s; empty
-    for 1.
+    """Symbol of the unit in which pages show quantities stated in the unit `text`, such
+    as mm for m and ms for s; empty for the unit 1.
     """
     text = SMALL_UNITS.get(text, (1.0, text))[1]
     for power, raised in POWERS.items():
@@ -42,8 +44,8 @@ def shown_unit(text: str) -> str:
 
 
 def number_text(value: float, digits: int = 3) -> str:
-    """Text of a number with `digits` significant ones, and its power of ten as
-    superscript.
+    """Text of the number `value` with `digits` significant digits, in which a power of
+    ten is written as a superscript.
     """
     text = f"{value:.{digits}g}"
     if "e" not in text:
@@ -54,12 +56,16 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 def probability_text(p: float) -> str:
-    """Text of a probability, `< 10⁻⁹` below one in a billion."""
+    """Text of the probability `p` with two significant digits, or `< 10⁻⁹` where it is
+    below one in a billion.
+    """
     return "< 10⁻⁹" if p < 1e-9 else number_text(p, 2)
 
 
 def _quantity_text(value: float, of: str) -> str:
-    """Text of a `value`, stated in the unit `of`, in the unit that pages show."""
+    """Text of `value`, which is stated in the unit `of`, with number and symbol of the
+    unit that pages show.
+    """
     text = f"{number_text(in_small_unit(value, of))}\N{NO-BREAK SPACE}{shown_unit(of)}"
     return text.rstrip("\N{NO-BREAK SPACE}")
 
@@ -82,8 +88,8 @@ def interval_text(value: Interval) -> str:
 
 
 def headline(verdict: Verdict) -> str:
-    """Headline of a verdict: deviations from the file, then effects, by a size that is
-    not 0.
+    """Headline of a verdict: values of the file that do not hold, then the missing
+    effects with a size that surely differs from zero.
     """
     parts = []
     if verdict.deviates:
@@ -105,17 +111,21 @@ def headline(verdict: Verdict) -> str:
 
 
 def effect_title(effect: NamedEffect) -> str:
-    """Name of an `effect` for people, that of its first parameter if it has one."""
+    """Name of an `effect` for people, in words; for some effects it is given by their
+    first parameter.
+    """
     return PARAMETERS.get(next(iter(effect.parameters)), plain(effect.name))
 
 
 def _is_sure(value: Interval) -> bool:
-    """Whether both ends of the interval lie on one side of zero."""
+    """Whether both ends of the interval are known and lie on the same side of zero."""
     return (value.low or 0.0) * (value.high or 0.0) > 0.0
 
 
 def sentence(findings: Findings, verdict: Verdict) -> str:
-    """Sentence on the missing effect and its certainty, for a technician."""
+    """Sentence that tells a technician what is missing in the model, and how sure that
+    is.
+    """
     words = {
         "named": _name_effects,
         "ambiguous": _ambiguity,
@@ -126,7 +136,9 @@ def sentence(findings: Findings, verdict: Verdict) -> str:
 
 
 def _name_effects(findings: Findings, verdict: Verdict) -> str:
-    """Sentence on the named effects, with doubts about them."""
+    """Sentence on the effects that the verdict names, with their sizes and with doubts
+    about them.
+    """
     known = findings.scope.by_name
     effects = ", and ".join(
         f"{known[effect.name].sentence} ({effect.name}:"
@@ -152,8 +164,8 @@ def _name_effects(findings: Findings, verdict: Verdict) -> str:
 
 
 def _ambiguity(findings: Findings, verdict: Verdict) -> str:
-    """Sentence on effects that the runs cannot tell apart, and what would separate
-    them.
+    """Sentence on effects that the runs cannot tell apart, and on the experiment that
+    would do so.
     """
     sentences = {
         candidate.name: f"{candidate.sentence} ({candidate.name})"
@@ -198,7 +210,9 @@ def _describe_rest(findings: Findings, verdict: Verdict) -> str:
 
 
 def deviation_text(deviates: Sequence[Deviation]) -> str:
-    """Text on the fitted values that deviate from the subject's file."""
+    """Text on the fitted values that differ from what the subject's file states and
+    tolerates.
+    """
     parts = []
     for d in deviates:
         stated, *ends = (
@@ -220,7 +234,7 @@ def _parameter_values(parameters: dict[str, Interval]) -> str:
 
 
 def undetectable_effects(findings: Findings) -> list[str]:
-    """Names of effects that no possible size would make detectable in these runs."""
+    """Names of the effects that these runs would not show at any possible size."""
     limits = findings.screen.detectable | {
         effect.name: 0.0 for effect in findings.accepted.effects
     }
@@ -228,7 +242,9 @@ def undetectable_effects(findings: Findings) -> list[str]:
 
 
 def usual_size(findings: Findings, name: str) -> str:
-    """Text of the largest usual size of an effect; empty where nobody knows."""
+    """Text of the largest size that the effect `name` usually has; empty where that is
+    not known.
+    """
     candidate = findings.scope.by_name[name]
     first = candidate.parameters[0]
     usual = candidate.usual
@@ -238,8 +254,8 @@ def usual_size(findings: Findings, name: str) -> str:
 
 
 def detection_limit(findings: Findings, name: str, value: float) -> str:
-    """Text of a detection limit; for parameters whose null is infinite, an upper
-    limit.
+    """Text of the smallest size `value` of the effect `name` that runs would show;
+    where infinity means no effect, it is the largest such value.
     """
     first = findings.scope.by_name[name].parameters[0]
     unit = first.unit
@@ -249,13 +265,17 @@ def detection_limit(findings: Findings, name: str, value: float) -> str:
 
 
 def quantity_label(of: Quantity) -> str:
-    """Name of a measured quantity in words, such as `contact x`, from its key."""
+    """Name in words of a measured quantity, such as `contact x`, derived
+    from its key.
+    """
     words = plain(of.key.rsplit("_", 1)[0])
     return f"{words} time" if of.unit == "ms" else words
 
 
 def motion_name(condition: str) -> str:
-    """Name of the motion in a run's `condition`, such as `fast`."""
+    """Name of the motion, such as `fast`, that a run's label `condition` ends with
+    after its last colon.
+    """
     return condition.rsplit(":", 1)[-1]
 
 
@@ -267,8 +287,8 @@ def capitalised(text: str) -> str:
 def scatter_rows(
     spreads: Iterable[Spread], sources: Sequence[ScatterSource]
 ) -> list[tuple[str, ...]]:
-    """Table rows on quantities that differ from run to run: name, spread, interval,
-    remedy.
+    """Table rows on quantities that differ from run to run: name, size of the scatter,
+    its interval, and a remedy.
     """
     known = {source.name: source for source in sources}
     rows: list[tuple[str, ...]] = []
@@ -286,8 +306,8 @@ def scatter_rows(
 
 
 def remedy_lines(scatter: Iterable[Spread]) -> Iterator[str]:
-    """Lines on quantities that differ from fold to fold of a strip, each with its
-    remedy.
+    """Lines of text on quantities that differ from fold to fold of a strip, each with
+    its size and a remedy.
     """
     for what, size, _, remedy in scatter_rows(scatter, KNOWN_EFFECTS):
         yield (
