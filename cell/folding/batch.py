@@ -27,7 +27,9 @@ ObserverContext = AbstractContextManager[tuple[Observer, ...]]
 
 
 def _nobody_lays() -> None:
-    """Raise PreflightRefused, as nobody is there to lay the strip again."""
+    """Raise PreflightRefused, because no person is there to lay the strip again before
+    the next fold.
+    """
     raise PreflightRefused(
         "nobody lays the strip again for the next fold of a real robot"
     )
@@ -35,8 +37,8 @@ def _nobody_lays() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Callbacks:
-    """Callbacks to the person at the cell during a batch of folds; by default nobody is
-    there.
+    """Functions by which a batch of folds talks to the person at the cell; the default
+    ones assume that nobody is there.
 
     `interrupt` makes a context that asks for a controlled stop, `report` takes a
     remark, `lay_again` waits until the strip lies for the next fold of a real robot,
@@ -61,8 +63,8 @@ def fold_all(
     until: float | None = None,
     callbacks: Callbacks = Callbacks(),
 ) -> Iterator[FoldResult]:
-    """Carry out the folds of `requests`, `jobs` at a time, and yield their results in
-    order.
+    """Carry out the folds of `requests`, up to `jobs` at a time, and yield the result
+    of each in the order of the requests.
 
     One that cannot begin has a result without a `run`, and the others follow. With
     `until` each is corrected by those before it, and the first one whose edges lie as
@@ -92,8 +94,8 @@ def fold_all(
 def _fold_in_parallel(
     requests: Sequence[Request], jobs: int, callbacks: Callbacks
 ) -> Generator[FoldResult, None, None]:
-    """Fold in `jobs` processes side by side; results are yielded in the order of
-    `requests`.
+    """Carry out the folds of `requests` in `jobs` processes side by side, and yield
+    their results in the order of the requests.
     """
     folds = ParallelFolds(requests, jobs, callbacks)
     with callbacks.interrupt() as interrupted, closing(folds):
@@ -106,8 +108,8 @@ def _fold_in_parallel(
 def agreed(
     requests: Sequence[Request], ask: Callable[[str], str]
 ) -> tuple[Request, ...]:
-    """Copies of `requests` with the operator's consent to a real robot's motion, if one
-    moves.
+    """Copies of `requests` that hold the operator's consent to the motion of a real
+    robot; where no real robot moves, they need none.
 
     Raises PreflightRefused where the consent is not typed, or a check of the hardware
     fails.
@@ -126,7 +128,9 @@ def agreed(
 def _fold_in_sequence(
     requests: Iterator[Request] | Sequence[Request], callbacks: Callbacks
 ) -> Generator[FoldResult, None, None]:
-    """Fold in sequence, with the strip laid again in between."""
+    """Carry out the folds of `requests` one after the other, where a person lays the
+    strip again before each further fold of a real robot.
+    """
     for number, request in enumerate(requests):
         if request.trial.agreed and number > 0:
             callbacks.lay_again()
@@ -149,8 +153,8 @@ def _fold_in_sequence(
 
 
 class ParallelFolds:
-    """Folds carried out by a pool of processes, their results in the order of the
-    requests.
+    """Folds that a pool of processes carries out side by side, whose results come in
+    the order of their requests.
     """
 
     def __init__(
@@ -191,12 +195,14 @@ class ParallelFolds:
             )
 
     def close(self) -> None:
-        """End all processes; a fold under way is first stopped under control."""
+        """End all processes of the pool; a fold that is still running is first stopped
+        under control.
+        """
         self._pool.close()
 
     def _begin(self, interrupted: Callable[[], bool]) -> None:
-        """Start folds while there is room; a fold without calibration ends with an
-        error.
+        """Start waiting folds while the pool has room for them; one for which no
+        calibration is found ends with an error.
 
         A fold leaves the queue after its calibration, so that Ctrl-C meanwhile does not
         lose it.
@@ -219,7 +225,9 @@ class ParallelFolds:
             )
 
     def _collect(self) -> None:
-        """Collect results of folds that have ended, waiting briefly for them."""
+        """Store the results of the folds that have ended, after a short wait for one to
+        end.
+        """
         for number, result in self._pool.ended(POLL_INTERVAL):
             if isinstance(result, ChildDied):
                 result = Fault("process_died", f"the process of a fold: {result}")  # noqa: PLW2901
@@ -228,7 +236,9 @@ class ParallelFolds:
                 self._callbacks.end(self._requests[number], result)
 
     def _stop(self) -> None:
-        """Start no further fold, and ask those under way to stop."""
+        """Start no further fold, and ask the folds that are running to stop under
+        control.
+        """
         self._stops += 1
         self._waiting.clear()
         self._pool.stop()
@@ -237,7 +247,9 @@ class ParallelFolds:
 def _fold_in_process(
     request: Request, calibration: Calibration, stop: StopSignal
 ) -> FoldResult | CellError:
-    """Fold, as a process of the pool does; errors are returned as results."""
+    """Result of one fold, carried out in a process of the pool; an error is returned in
+    its place, not raised.
+    """
     try:
         return fold(request, calibration, (), stop)
     except KeyboardInterrupt:

@@ -49,8 +49,9 @@ Parts = tuple[float, float, float]  # m, of cell, strip and specimen
 
 @dataclass(frozen=True, slots=True)
 class Bias:
-    """Bias [m] of the next fold: mean `seen` by the camera with `sigma`, mean error of
-    the `rig`.
+    """What is expected of the next fold's displacement beyond the predicted one, in
+    metres: the mean `seen` by the camera, its standard deviation `sigma`, and the mean
+    error `rig` of the camera's measurement.
 
     `laid` is the offset [m] at which the cell lays edges. `parts` [m] are the means of
     cell, strip and specimen. `folds` counts the measured folds since the cell last
@@ -67,8 +68,8 @@ class Bias:
 
 
 def bias(experiences: Sequence[Experience], strip: str, specimen: str) -> Bias:
-    """Bias [m] of the next fold of `specimen` of `strip`, by `experiences` with one
-    policy.
+    """Expected deviation [m] of the next fold of `specimen`, a piece of the fabric
+    `strip`, learned from `experiences` of folds with one policy.
     """
     learner = _Learner()
     for experience in experiences:
@@ -81,8 +82,8 @@ def bias(experiences: Sequence[Experience], strip: str, specimen: str) -> Bias:
 
 
 class _Learner:
-    """Recursive estimator of the bias, in epochs within which the cell did not
-    change.
+    """Estimator that learns how far folds deviate from their prediction, and starts
+    anew wherever the cell seems to have changed.
     """
 
     def __init__(self) -> None:
@@ -96,8 +97,8 @@ class _Learner:
         self._previous_fold: tuple[float, Experience] | None = None
 
     def learn(self, experience: Experience) -> None:
-        """Add the next fold; two in a row that deviate to the same side start a new
-        epoch.
+        """Learn from one more fold; two successive folds that deviate to the same side
+        mean that the cell has changed.
         """
         if experience.kind == "ruler":
             self._rows.append(((self._rig,), experience.rig, RULER))
@@ -119,8 +120,8 @@ class _Learner:
         self._add(experience)
 
     def _start_epoch(self, surprise: float, first: Experience) -> None:
-        """Start an epoch with the fold `first`, which deviated by `surprise`
-        [sigmas].
+        """Begin to learn anew with the fold `first`, which deviated from what was
+        learned by `surprise` standard deviations.
         """
         if abs(surprise) <= OUTLIER_SIGMAS:
             self._rows.pop(self._epoch_rows[-1])
@@ -130,8 +131,8 @@ class _Learner:
         self._add(first)
 
     def _surprise(self, experience: Experience) -> float:
-        """Deviation of a fold from the learned bias in sigmas; 0 for the first fold of
-        an epoch.
+        """By how many standard deviations a fold deviates from what was learned before;
+        zero for the first fold since the cell changed.
         """
         if not self._epoch_rows:
             return 0.0
@@ -142,15 +143,15 @@ class _Learner:
         return float((experience.displacement - mean) / sigma)
 
     def _add(self, experience: Experience) -> None:
-        """Add a fold to the data of the present epoch."""
+        """Add a fold to those since the cell last changed."""
         self._epoch_rows.append(len(self._rows))
         self.epoch.append(experience)
         unknowns = self._unknowns_of(experience.strip, experience.specimen)
         self._rows.append((unknowns, experience.displacement, REPEAT))
 
     def bias(self, strip: str, specimen: str) -> Bias:
-        """Expected measured minus predicted displacement of the next fold of a
-        `specimen`.
+        """Expected displacement of the next fold of a `specimen` of the fabric `strip`
+        beyond the predicted one, with its uncertainty.
         """
         unknowns = self._unknowns_of(strip, specimen)
         mean, variance = self._predict(unknowns)
@@ -167,11 +168,15 @@ class _Learner:
 
     @property
     def _rig(self) -> Unknown:
-        """Unknown of the linear model for the rig's error since its last change."""
+        """Name, in the linear model of biases, of the camera's measurement error since
+        the cell last changed.
+        """
         return ("rig", len(self._change_runs))
 
     def _unknowns_of(self, strip: str, specimen: str) -> tuple[Unknown, ...]:
-        """Unknown biases that add up in a fold: of cell, strip and specimen."""
+        """Names, in the linear model of biases, of the three that add up in a fold:
+        those of the cell, the strip and the specimen.
+        """
         return (
             ("cell", len(self._change_runs)),
             ("strip", strip),
@@ -179,15 +184,17 @@ class _Learner:
         )
 
     def _sigma(self, unknown: Unknown) -> float:
-        """Standard deviation [m] of the prior of `unknown`."""
+        """Standard deviation [m] that is assumed for the bias named `unknown` before
+        any fold was measured.
+        """
         level, member = unknown
         if level == "cell" and member != 0:
             return CHANGED
         return PRIORS[level]
 
     def _predict(self, unknowns: tuple[Unknown, ...]) -> tuple[float, float]:
-        """Mean [m] and variance [m^2] of the sum of `unknowns`, given the epoch's
-        folds.
+        """Mean [m] and variance [m^2] of the sum of the biases named in `unknowns`,
+        given all folds that were learned.
 
         Bayesian linear regression: A = diag(1 / sigma^2) + sum h h' / noise^2 over the
         folds, b = sum h y / noise^2; the mean is g' A^-1 b, the variance g' A^-1 g.
@@ -207,7 +214,9 @@ class _Learner:
 
 
 def _indicator(unknowns: Sequence[Unknown], columns: dict[Unknown, int]) -> Array:
-    """Vector (n,) with ones in the `columns` of `unknowns`, zeros elsewhere."""
+    """Vector with ones at the `columns` of the named `unknowns`, and zeros
+    elsewhere.
+    """
     row = np.zeros(len(columns))
     row[[columns[name] for name in unknowns]] = 1.0
     return row
@@ -216,8 +225,8 @@ def _indicator(unknowns: Sequence[Unknown], columns: dict[Unknown, int]) -> Arra
 def _averaged_parts(
     parts: Parts, experiences: Sequence[Experience], strip: str, specimen: str
 ) -> Parts:
-    """Biases of cell, strip and specimen [m], averaged over two hypotheses on their
-    cause.
+    """Mean biases [m] of cell, strip and specimen, averaged over the hypotheses that
+    something is off and that nothing is.
 
     If nothing is off, cell and strip have no bias, a specimen has a USUAL one, and the
     camera adds an error of its own to each specimen.
@@ -240,8 +249,8 @@ def _averaged_parts(
 
 
 def laid_offset(experiences: Sequence[Experience], rig: float) -> float:
-    """Posterior mean [m] of the laid edges' offset, images corrected by `rig` [m]; 0
-    without data.
+    """Mean offset [m] at which the cell lays the strip's edges on each other, estimated
+    from `experiences`, whose camera reads `rig` [m] too little; zero without data.
 
     Weighs two models with prior odds OFF: an offset of about CHANGED, or none and an
     error of the camera of about LAID for each specimen.
@@ -264,7 +273,8 @@ def laid_offset(experiences: Sequence[Experience], rig: float) -> float:
 
 
 def check_ruler(edges: float, rig: float) -> None:
-    """Check a ruler's offset `edges` [m] of laid edges against the camera's.
+    """Raise ConfigurationError where the offset `edges` [m] of laid edges by a ruler
+    differs too much from that by the camera to be right.
 
     It is `rig` [m] larger than the latter. Raises ConfigurationError beyond
     PLAUSIBLE_SIGMAS of what both err by in a right rig: an error of the rig and a slip
@@ -281,13 +291,15 @@ def check_ruler(edges: float, rig: float) -> None:
 
 
 def _specimens(experiences: Sequence[Experience]) -> Array:
-    """Names (n,) of the specimens of n experiences, with their strip."""
+    """Array with the name of the piece of fabric, and of its strip, in each of
+    `experiences`.
+    """
     return np.array([f"{e.strip}/{e.specimen}" for e in experiences])
 
 
 def _probability_off(y: Array, null: Array, off: Array) -> float:
-    """Probability that y (n,) has the covariance `off` (n, n) rather than `null`, at
-    prior odds OFF.
+    """Probability that the values `y` have the covariance `off` rather than `null`,
+    both matrices with a row and a column for each value.
     """
     from scipy.special import expit, logit
 
@@ -296,8 +308,8 @@ def _probability_off(y: Array, null: Array, off: Array) -> float:
 
 
 def _log_density(y: Array, covariance: Array) -> float:
-    """Log density of y (n,), normal about 0 with `covariance` (n, n), up to a
-    constant.
+    """Logarithm of the density of the values `y`, normally distributed about zero with
+    the given `covariance`, up to a constant.
     """
     spread = np.linalg.slogdet(covariance)[1]
     return float(-0.5 * (y @ np.linalg.solve(covariance, y) + spread))

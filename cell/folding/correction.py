@@ -26,17 +26,21 @@ WORTH_SAYING = 5e-5  # m, half of the last digit that is printed
 
 @runtime_checkable
 class Correctable(Protocol):
-    """Protocol of a policy that steers by a model, whose aim can be corrected."""
+    """Protocol of a policy that steers the gripper by a model of the strip, and so can
+    aim at another displacement.
+    """
 
     def correct(self, bias: float) -> None:
-        """Aim at the opposite of `bias` [m], as the camera sees it, from the next
-        `reset` on.
+        """From the next `reset` on, aim at a displacement that compensates the `bias`
+        [m], as the camera measures it.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class BiasKey:
-    """Key of a learned bias: policy with its weights, fabric (`strip`) and specimen."""
+    """What a learned bias belongs to: the policy with its weights, the fabric, called
+    `strip`, and the piece of it, called `specimen`.
+    """
 
     policy: str
     strip: str
@@ -45,7 +49,8 @@ class BiasKey:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Bias [m] `seen` by the camera, by which a fold's aim is corrected.
+    """Expected deviation [m] of a fold, as `seen` by the camera, by which its aim is
+    corrected.
 
     `place` [m] is where the grasped edge is laid so that it ends at x = 0. `learned` is
     the source of the correction, None for a value that the user gave. A ruler measures
@@ -57,8 +62,8 @@ class Correction:
     place: float = 0.0
 
     def apply(self, policy: Policy) -> "Correction | None":
-        """Correct the aim of `policy` and return this; None for a policy without a
-        model.
+        """Correct the aim of `policy` and return this correction, or None where the
+        policy has no model and so cannot be corrected.
         """
         if not isinstance(policy, Correctable):
             return None
@@ -66,8 +71,8 @@ class Correction:
         return self
 
     def facts(self) -> dict[str, Any]:
-        """Entry `learning` of run.yaml: the amounts [m] of this correction and its
-        bias.
+        """Content of the entry `learning` in the header of a run: the lengths [m] of
+        this correction, and what was learned.
         """
         return asdict(self)
 
@@ -101,8 +106,8 @@ class Correction:
 def subject_of(
     policy: str, checkpoint: Path | None, strip: str, specimen: str | None
 ) -> BiasKey:
-    """Subject of a fold's bias: the policy with its weights, the fabric, the
-    `specimen`.
+    """What the bias of a fold belongs to: the policy with a digest of its weights, the
+    fabric `strip` and the piece `specimen` of it.
 
     Without a `specimen`, a fabric with a file counts as one; each fold of another
     fabric is another piece.
@@ -120,8 +125,8 @@ def subject_of(
 
 
 def learned_correction(memory: Memory, subject: BiasKey) -> Correction:
-    """Correction learned for `subject`, within the limit; ConfigurationError for broken
-    memory.
+    """Correction, within its limit, from the folds that `memory` holds for the policy,
+    strip and specimen of `subject`; ConfigurationError where it cannot be read.
     """
     mine = [one for one in memory.experiences() if one.policy == subject.policy]
     learned = bias(mine, subject.strip, subject.specimen)
@@ -136,8 +141,8 @@ def experience_of(
     correction: Correction,
     key: str = "",
 ) -> Experience | None:
-    """Deviation of a measured fold from its prediction, to learn from; None for an
-    unusable fold.
+    """What a measured fold teaches, which is its deviation from the prediction; None
+    for a fold from which nothing can be learned.
 
     `run` and `key` name the run, as in `Experience`. Unusable are folds without a touch
     or laid edges, stopped ones, and those predicted blind. A strip that is unlike the
@@ -171,7 +176,9 @@ def experience_of(
 
 
 def correction_of(facts: Mapping[str, Any] | None) -> Correction:
-    """Correction stated by the `facts` of run.yaml; zero where none was made."""
+    """Correction that the entry `learning` in the header of a run states; one of zero
+    where `facts` is None or not valid.
+    """
     facts = facts or {}
     values = [facts.get(key, 0.0) for key in ("seen", "unseen", "place")]
     if not all(isinstance(value, int | float) for value in values):

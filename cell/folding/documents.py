@@ -30,8 +30,8 @@ PACKAGES = ("folding-cell", "mujoco", "opencv-python-headless", "numpy", "ruckig
 def run_header(
     request: Request, settings: CellFile, calibration: Calibration, camera_rate: float
 ) -> dict[str, Any]:
-    """Content of run.yaml for a fold: settings, strip, versions, and a hash of the
-    plant.
+    """Content of the header file of a fold's run: settings of the cell, strip, versions
+    of programs, and a digest of the simulated strip.
 
     `settings` are those that the run uses, `camera_rate` is that of the open camera
     [Hz].
@@ -61,7 +61,7 @@ def run_header(
 
 
 def result_content(outcome: Outcome) -> dict[str, Any]:
-    """Content of result.yaml for the `outcome` of a run."""
+    """Content of the result file of a run whose fold ended with the given `outcome`."""
     content: dict[str, Any] = {
         "outcome": outcome.name,
         "reason": outcome.reason,
@@ -86,7 +86,9 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
 
 
 def _hash(plant: StripFile) -> str:
-    """SHA-256 of the content of the file `plant`."""
+    """Hexadecimal SHA-256 digest of the content of the strip file `plant`, which
+    describes the simulated strip.
+    """
     text = json.dumps(_content(plant), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -97,8 +99,8 @@ def _content(file: StripFile | CellFile) -> dict[str, Any]:
 
 
 def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
-    """Entry of run.yaml about a checkpoint in place of the committed weights; empty for
-    None.
+    """Entry in the header of a run on a `checkpoint` that replaces the policy's own
+    weights: its file and digest; empty for None.
     """
     if checkpoint is None:
         return {}
@@ -107,8 +109,8 @@ def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
 
 
 def _learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> StripFile:
-    """Copy of `strip` with the parameters that a fold estimated, each with interval and
-    source.
+    """Copy of the `strip` file with the parameters that were estimated during the fold,
+    each noted with its interval and the name of the `run`.
     """
     length = predicted.bending_length
     time = predicted.retardation_time
@@ -144,8 +146,8 @@ def _learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Str
 
 
 def offer_strip(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Path:
-    """Write a strip file with the parameters estimated in the run `folder`; returns its
-    path.
+    """Write a strip file with the parameters that were estimated during a fold into the
+    folder of its run, and return the path of that file.
 
     Raises ConfigurationError where it cannot be written.
     """

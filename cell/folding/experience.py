@@ -25,8 +25,8 @@ Offset = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]  # m
 
 @dataclass(frozen=True, slots=True)
 class Experience:
-    """Deviations [m] of one measured fold from its prediction, as if nothing were
-    corrected.
+    """What one measured fold teaches: its deviations [m] from the prediction, as they
+    would be if nothing had been corrected.
 
     `displacement` is measured minus predicted, `edges` the offset of the laid edges as
     seen. `policy` names the policy with its weights. A `ruler` experience holds no
@@ -52,8 +52,8 @@ READER = TypeAdapter(Experience)
 
 
 def run_key(folder: Path) -> str:
-    """Digest that identifies the run in `folder` by its measurements; empty without
-    ticks.
+    """Short hexadecimal digest of the measurements of the run in `folder`, which
+    identifies it; empty for a run without measurements.
     """
     path = folder / TICKS
     if not path.exists():
@@ -62,8 +62,8 @@ def run_key(folder: Path) -> str:
 
 
 class Memory:
-    """Store of the experiences of one cell, oldest first, and of whether learning is
-    off.
+    """Stored deviations of the folds of one cell from their predictions, oldest first,
+    and whether the cell is to learn from them.
 
     Folds of the `twin` have a memory of their own: their bias is none of the real cell.
     """
@@ -71,8 +71,8 @@ class Memory:
     def __init__(
         self, cell: str, folder: Path | None = None, *, twin: bool = False
     ) -> None:
-        """Store the experiences of `cell` in `folder`, by default the user's data
-        folder.
+        """Open the memory of the cell named `cell` in `folder` or, where that is None,
+        in the user's data folder.
         """
         self.folder = folder or _data_folder() / "learning"
         self.path = self.folder / f"{cell}{'.twin' if twin else ''}.jsonl"
@@ -80,12 +80,14 @@ class Memory:
 
     @property
     def is_off(self) -> bool:
-        """Whether learning was switched off, for the cell and its twin."""
+        """Whether learning was switched off, which holds for the real cell and for its
+        simulation alike.
+        """
         return self._off.exists()
 
     def switch(self, *, on: bool) -> None:
-        """Switch learning on or off, keeping experiences; ConfigurationError where that
-        fails.
+        """Switch learning on or off without losing anything that was learned;
+        ConfigurationError where the file cannot be written.
         """
         with self._file_lock():
             if on:
@@ -94,7 +96,8 @@ class Memory:
                 replace_file(self._off, b"")
 
     def experiences(self) -> tuple[Experience, ...]:
-        """Read the newest experiences, oldest first; broken lines are skipped.
+        """Newest deviations in the memory, oldest first, one for each run and measuring
+        instrument; broken lines are skipped.
 
         A later experience of a run, by the same instrument, replaces the earlier one.
         Raises ConfigurationError for a file that cannot be read.
@@ -102,21 +105,23 @@ class Memory:
         return self._all()[-NEWEST:]
 
     def largest_corrections(self) -> tuple[float, float]:
-        """Largest corrections [m] of aim and of place in any stored fold."""
+        """Largest corrections [m] with which any stored fold was made: that of the aim,
+        and that of where the edge is laid.
+        """
         experiences = self._all()
         aim = max((one.aim for one in experiences), key=abs, default=0.0)
         return aim, max((one.place for one in experiences), key=abs, default=0.0)
 
     def find(self, run: Path) -> tuple[Experience, ...]:
-        """Experiences of the run in the folder `run` or, if that is gone, of its
-        name.
+        """All that the memory holds of the run in the folder `run`, identified by its
+        measurements or, where these are gone, by its name.
         """
         key = run_key(run)
         return tuple(one for one in self._all() if _is_of(one, key, run.resolve().name))
 
     def add(self, experience: Experience) -> None:
-        """Append `experience` to the memory's file; ConfigurationError where it is
-        refused.
+        """Append `experience` to the memory's file; ConfigurationError where that
+        cannot be written.
         """
         with self._file_lock():
             last = self._lines()[-1:]
@@ -125,8 +130,8 @@ class Memory:
             append_line(self.path, mend + json_line(asdict(experience)))
 
     def forget(self, run: Path | None = None) -> Path | None:
-        """Move all experiences, or those of `run`, to a file and return its path; None
-        if none.
+        """Move all that was learned, or what was learned from `run`, to another file;
+        returns its path, or None where there was nothing to move.
         """
         with self._file_lock():
             lines = self._lines()
@@ -170,7 +175,7 @@ class Memory:
 
 
 def _experience(line: bytes) -> Experience | None:
-    """Experience in a `line` of the memory; None for an invalid line."""
+    """What one `line` of a memory's file holds; None where the line is not valid."""
     try:
         return READER.validate_json(line)
     except ValidationError:
@@ -178,8 +183,8 @@ def _experience(line: bytes) -> Experience | None:
 
 
 def _is_of(experience: Experience, key: str, name: str) -> bool:
-    """Whether an experience is of the run with this `key` or, where a key is missing,
-    `name`.
+    """Whether an experience is from the run with the digest `key` or, where either has
+    no digest, from the run called `name`.
     """
     return experience.key == key if experience.key and key else experience.run == name
 
@@ -193,7 +198,8 @@ def _data_folder() -> Path:
 
 
 def experience_by_ruler(run: Path, edges: float, memory: Memory) -> Experience:
-    """Experience from a run whose laid edges lie `edges` [m] apart by a ruler.
+    """What a ruler teaches that shows the laid edges of the fold in the folder `run` to
+    be `edges` [m] apart: how far the camera misreads.
 
     Its policy, fabric and specimen are those under which `memory` holds the run. Raises
     ConfigurationError for a run that is not in `memory`, or whose edges no camera saw.

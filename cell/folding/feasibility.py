@@ -53,7 +53,8 @@ USUAL_LENGTH, LENGTH_STEP = 0.6, 0.02  # m, of a strip; of lengths that are trie
 
 @dataclass(frozen=True, slots=True)
 class Feasibility:
-    """Fold of a `request` as the model foresees it, and what forbids it.
+    """What a simulation foresees of the fold of a `request`, such as the gripper's
+    path, and texts on the `problems` that forbid the fold.
 
     `path` (n, 3) x, z [m], pitch [rad] from home to retreat at `speeds` (n,) [m/s],
     `reach` of the joints of a Franka arm along it. The simulated `folds` are those of
@@ -71,22 +72,26 @@ class Feasibility:
 
     @property
     def advice(self) -> tuple[str, ...]:
-        """What else is allowed here where the fold is not: a policy, a length; tried
-        now.
+        """Texts on what is allowed here where the fold is not, such as another policy
+        or another length, found by trying these now; empty where the fold has no
+        problem.
         """
         if not self.problems:
             return ()
         return (*_other_policies(self), *_nearest_length(self))
 
     def require(self) -> Self:
-        """Return this; raises PreflightRefused, with the advice, for any problem."""
+        """Return this object; raises PreflightRefused, whose text also holds the
+        advice, where the fold has any problem.
+        """
         if self.problems:
             raise PreflightRefused("\n".join((*self.problems, *self.advice)))
         return self
 
     @property
     def expected(self) -> tuple[float, float] | None:
-        """Displacement [m] and its standard deviation by strip and repeats.
+        """Expected displacement [m] and its standard deviation [m], from what is
+        unknown of the strip and from the scatter of repeated folds.
 
         None where a simulated fold ends without a touch.
         """
@@ -99,7 +104,9 @@ class Feasibility:
 
     @property
     def prediction(self) -> "Prediction":
-        """Prediction for the operator; raises PreflightRefused for any problem."""
+        """Prediction of the fold for the operator; raises PreflightRefused where the
+        fold has any problem.
+        """
         folds = self.require().folds
         if folds is None:
             raise PreflightRefused("the model finds no prediction for this fold")
@@ -107,7 +114,8 @@ class Feasibility:
 
 
 def assess(request: Request, calibration: Calibration) -> Feasibility:
-    """Foresee the fold of `request` through the camera of `calibration`, before motion.
+    """Foresee the fold of `request`, seen by the camera of `calibration`, by
+    simulation, before anything moves.
 
     Its problems are limits of policy, perception, workspace, speed, view and, of a real
     arm, desk and joints. Raises ConfigurationError or PreflightRefused for an
@@ -122,7 +130,9 @@ def assess(request: Request, calibration: Calibration) -> Feasibility:
 
 
 def _foresee(request: Request, calibration: Calibration) -> Feasibility:
-    """Feasibility of a fold, without advice."""
+    """What a simulation foresees of the fold of `request`, and its problems; advice is
+    not sought yet.
+    """
     settings = request.settings
     strip = request.strip
     installation = settings.installation
@@ -174,7 +184,9 @@ def _foresee(request: Request, calibration: Calibration) -> Feasibility:
 
 
 def _other_policies(refused: Feasibility) -> Iterator[str]:
-    """Yield the policy of least misses by which a `refused` fold is allowed, if any."""
+    """Yield a text on that policy, of those by which the `refused` fold is allowed,
+    whose displacement is expected to be least at worst; nothing where there is none.
+    """
     allowed = []
     for name in ALTERNATIVES:
         other = replace(refused.request, policy=name, checkpoint=None)
@@ -187,7 +199,8 @@ def _other_policies(refused: Feasibility) -> Iterator[str]:
 
 
 def _nearest_length(refused: Feasibility) -> Iterator[str]:
-    """Yield the nearest multiple of LENGTH_STEP at which a `refused` fold is allowed.
+    """Yield a text on the nearest round length of the strip at which the `refused` fold
+    is allowed, or nothing where there is none.
 
     Between the usual length and that of the fold, which is too long or too short.
     """
@@ -221,8 +234,8 @@ def path_problems(
     settings: CellSettings,
     carry_at: Callable[[float], Array],
 ) -> Iterator[str]:
-    """Yield a text for each limit of `settings` that keeps its arm from following a
-    fold.
+    """Yield a text for each limit in `settings`, such as workspace and speed, that
+    keeps the arm from following a fold.
 
     The gripper passes `points` (n, 2) [m], and carries the strip along `carry` (k, 2)
     [m]; `carry_at` gives the latter at another speed [m/s].
@@ -262,8 +275,8 @@ def path_problems(
 def _hand_problems(
     installation: Installation, strip: StripFile, path: Array
 ) -> Iterator[str]:
-    """Yield a text where the hand cannot hold `strip`, or would meet the desk at the
-    poses `path` (n, 3) [m, m, rad].
+    """Yield a text where the hand cannot hold `strip`, or would touch the desk at one
+    of the poses in `path`, which has rows of x [m], z [m] and pitch [rad].
     """
     yield from grip_problems(strip.width)
     try:
@@ -276,7 +289,9 @@ def _hand_problems(
 
 
 def _reach_problems(arm: ArmPrediction | None) -> Iterator[str]:
-    """Yield a text where the joints of the `arm` cannot follow a fold."""
+    """Yield a text where the joints of the predicted `arm` cannot follow a fold; None
+    stands for an arm whose joints are not known.
+    """
     if arm is not None and not arm.reach.allowed:
         yield (
             f"reach: the arm cannot follow the fold: {arm.reach.problems[0]}; move"
@@ -287,7 +302,8 @@ def _reach_problems(arm: ArmPrediction | None) -> Iterator[str]:
 def _simulated_carry(
     settings: CellSettings, request: Request, policy: Policy
 ) -> tuple[Folds | None, Array]:
-    """Simulated folds, and gripper positions (n, 2) [m] of the first one.
+    """Simulated folds by `policy`, and the gripper's positions in the first of them,
+    with a row of x and z [m] for each.
 
     Where the simulation fails, no folds and the policy's lift. Raises
     ConfigurationError for a strip or speed that the policy does not allow.
@@ -308,15 +324,15 @@ def _simulated_carry(
 def _carry_at(
     settings: CellSettings, request: Request, policy: Policy, speed: float
 ) -> Array:
-    """Gripper positions (n, 2) [m] of a fold at another `speed` [m/s] than that of
-    `settings`.
+    """Positions of the gripper in a simulated fold at another `speed` [m/s] than that
+    of `settings`, with a row of x and z [m] for each.
     """
     return _simulated_carry(at_speed(settings, speed), request, policy)[1]
 
 
 def _from_edge(strip: StripFile, fold: Array) -> Array:
-    """Gripper positions (n + 1, 2) [m] from the edge of `strip` on the desk through a
-    `fold`.
+    """Positions of the gripper during a `fold`, with the edge of the lying `strip` put
+    before them; each row holds x and z [m].
     """
     return np.vstack([(strip.length, 0.0), fold])
 
@@ -324,8 +340,8 @@ def _from_edge(strip: StripFile, fold: Array) -> Array:
 def simulate(
     settings: CellSettings, strip: StripFile, policy: Policy, seed: int
 ) -> Folds:
-    """Simulated folds of `strip`, then of its corner strips, by `policy` in a cell of
-    `settings`.
+    """Simulate the fold of `strip`, and of copies whose uncertain parameters lie at
+    their bounds, by `policy` in a cell with `settings`.
 
     The policy is made for `strip`; `seed` is that of the noise in its images. Raises
     CellError for a strip or speed that the policy or the model does not allow.
@@ -340,7 +356,7 @@ def simulate(
 
 def corner_strips(strip: StripFile) -> list[StripFile]:
     """Copies of `strip` with its uncertain parameters at all combinations of their
-    bounds.
+    lower and upper bounds.
     """
     spans = []
     for key, spread in UNKNOWN_SPREADS.items():
@@ -357,8 +373,8 @@ def corner_strips(strip: StripFile) -> list[StripFile]:
 def _height_problems(
     settings: CellSettings, strip: StripFile, lift: Array
 ) -> Iterator[str]:
-    """Yield a problem where a strip is too short: its `lift` (n, 2) [m] ends below the
-    height at which the policy takes over.
+    """Yield a text where a strip is so short that its first `lift`, rows of x and z
+    [m], ends below the height at which the policy takes over.
     """
     top = lift[:, 1].max()
     takeover = settings.fold.takeover_height
@@ -370,7 +386,9 @@ def _height_problems(
 
 
 def _workspace_problems(path: Array, installation: Installation) -> Iterator[str]:
-    """Yield a text for each axis on which `path` (n, 2) [m] leaves the workspace."""
+    """Yield a text for each axis along which `path`, with rows of x and z [m], leaves
+    the workspace of the arm.
+    """
     box = installation.workspace
     for axis, name, (low, high) in ((0, "x", box.x), (1, "z", box.z)):
         least = path[:, axis].min()
@@ -387,8 +405,8 @@ def _workspace_problems(path: Array, installation: Installation) -> Iterator[str
 def _view_problems(
     path: Array, strip: StripFile, calibration: Calibration
 ) -> Iterator[str]:
-    """Yield a text where the camera does not see the strip or the gripper on `path` (n,
-    2) [m].
+    """Yield a text where the camera does not see the lying strip, or the gripper on its
+    `path`, with rows of x and z [m].
     """
     lens = calibration.lens
     lying = np.array([(0.0, 0.0), (strip.length, 0.0)])
@@ -406,8 +424,8 @@ def _view_problems(
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Predicted fold: displacement [m] with bounds, None without a touch; path's range
-    x, z [m].
+    """What is expected of a fold: its displacement [m] with bounds, None where the
+    layers do not touch, and the range of the gripper's path.
     """
 
     strip: str
@@ -423,7 +441,9 @@ class Prediction:
     def from_folds(
         cls, request: Request, folds: Folds, arm: ArmPrediction | None
     ) -> Self:
-        """Prediction by simulated `folds` of the strip of `request` and its corners."""
+        """Prediction for `request` from the simulated `folds` of its strip, which is
+        the first, and of its copies with parameters at their bounds.
+        """
         points = folds.trace.reshape(-1, 2)
         x_min, z_min = points.min(axis=0)
         x_max, z_max = points.max(axis=0)
@@ -442,13 +462,17 @@ class Prediction:
 
     @property
     def largest_miss(self) -> float:
-        """Largest size [m] of the displacement over what is unknown of the strip."""
+        """Largest size [m] of the displacement within its bounds; infinity where no
+        touch of the layers is predicted.
+        """
         if self.displacement is None or self.low is None or self.high is None:
             return inf
         return max(-self.low, self.high)
 
     def line(self) -> dict[str, Any]:
-        """JSON object of the prediction, as `cell fold --dry-run --json` prints it."""
+        """Content of the JSON object that `cell fold --dry-run --json` prints on the
+        prediction.
+        """
         x_min, x_max, z_min, z_max = self.reach
         return {
             "strip": self.strip,
@@ -462,7 +486,7 @@ class Prediction:
         }
 
     def expectation(self) -> str:
-        """Text of the expected displacement with its bounds."""
+        """Text of the expected displacement, in millimetres, with its bounds."""
         expected = "no touch"
         if self.displacement is not None:
             expected = f"displacement {1e3 * self.displacement:+.1f} mm"
@@ -471,7 +495,7 @@ class Prediction:
         return f"expected {expected} over what is unknown of the strip"
 
     def __str__(self) -> str:
-        """Text of the prediction for the operator."""
+        """Text of the prediction for the operator, of several lines."""
         x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
         lines = [
             f"{self.strip} by {self.policy}: {self.expectation()}",
@@ -488,7 +512,9 @@ class Prediction:
 
 
 def _policy_in_rod(request: Request) -> Policy:
-    """Policy of `request` for the rod, without a bias of images, with its aim."""
+    """Policy of `request` for a simulated rod, whose aim is corrected and whose images
+    have no error.
+    """
     policy = make_policy(request.policy, request.checkpoint, in_rod=True)
     request.learning.correction.apply(policy)
     return at_line(policy, request.line)

@@ -62,8 +62,8 @@ WITHIN, BEYOND = 0.06, 0.04  # m: search range about an end, inwards and outward
 def calibrate_film(
     film: Path, frames: Iterator[Frame], boards: BoardSettings, strip: StripFile
 ) -> tuple[Calibration, float]:
-    """Calibrate a film's camera by a board in its first images; also returns when [s]
-    all is still.
+    """Calibrate the camera of a film by the printed board in its first images; returns
+    the calibration, and the time [s] from which nothing moves.
 
     Raises ConfigurationError that names what the film at `film` does not show: the
     board, a still scene after it, the strip, its ends.
@@ -76,8 +76,8 @@ def calibrate_film(
 def _views_until_still(
     film: Path, frames: Iterator[Frame], boards: BoardSettings
 ) -> tuple[list[BoardView], Frame]:
-    """Views of the board, and the first image after the board in which nothing
-    moves.
+    """Views of the board at the begin of a film, and the first image after the board is
+    gone in which nothing moves.
     """
     board = boards.board()
     detector = cv2.aruco.CharucoDetector(board)
@@ -111,7 +111,7 @@ def _views_until_still(
 
 
 def _is_still(before: Image, after: Image) -> bool:
-    """Whether two images (h, w, 3) in succession show the same scene but for noise."""
+    """Whether two successive images show the same scene except for noise."""
     changed = cv2.absdiff(after, before).max(axis=2) > STILL_LEVEL
     return bool(changed.mean() < STILL_SHARE)
 
@@ -119,8 +119,8 @@ def _is_still(before: Image, after: Image) -> bool:
 def _calibrate_by_board(
     film: Path, views: list[BoardView], boards: BoardSettings, shape: tuple[int, ...]
 ) -> Calibration:
-    """Calibration to the standing board's plane: x right and z up from its upper left
-    corner.
+    """Calibration of a film's camera to the plane of the standing board, where x runs
+    to the right and z up from the board's upper left corner.
     """
     standing = [view for view in views if view.distance(views[0]) < SAME_PLACE]
     tilted = [view for view in views if view.distance(views[0]) >= SAME_PLACE]
@@ -159,7 +159,8 @@ def _calibrate_by_board(
 def _aligned(
     film: Path, image: Image, calibration: Calibration, strip: StripFile
 ) -> Calibration:
-    """Calibration moved and turned so that the strip lies from x = 0 to its length.
+    """Copy of `calibration`, moved and turned in its plane so that the strip in `image`
+    lies from x = 0 to x = its length.
 
     Clamp and clip hide about as much of one end as of the other: the middle is kept.
     """
@@ -180,8 +181,8 @@ def _aligned(
 
 
 class _SeenStrip(NamedTuple):
-    """Strip in the board's plane: its left and right end (2,) [m], its colour (3,) in
-    the image.
+    """Strip as an image shows it: its left and its right end in the plane of the
+    calibration board [m], and its colour.
     """
 
     left: Array
@@ -197,8 +198,8 @@ class _SeenStrip(NamedTuple):
 def _with_axis(
     calibration: Calibration, seen: _SeenStrip, length: float
 ) -> Calibration:
-    """Calibration whose x axis runs along the `seen` strip, with its middle at `length`
-    / 2 [m].
+    """Copy of `calibration` whose x axis runs along the `seen` strip, with the strip's
+    middle at x = `length` / 2 [m].
     """
     along = (seen.right - seen.left) / seen.length
     turn = np.array([(along[0], along[1]), (-along[1], along[0])])
@@ -212,8 +213,8 @@ def _with_axis(
 def _find_strip(
     film: Path, image: Image, calibration: Calibration, strip: StripFile
 ) -> _SeenStrip:
-    """Find the strip roughly: the piece of its colour that is nearest to the stated
-    length.
+    """Rough position of the strip in `image`: the slim piece of uniform colour whose
+    length is nearest to that of the strip's file.
     """
     height, width = image.shape[:2]
     corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * (width - 1, height - 1)
@@ -244,7 +245,8 @@ def _find_strip(
 
 
 def _slim_pieces(alike: NDArray[np.bool_]) -> tuple[NDArray[np.int32], Array]:
-    """Labels (n, m) of the pieces of a mask `alike` (n, m), and their lengths (k,) [m].
+    """Number of the connected piece at each point of the mask `alike`, and the length
+    [m] of each piece; pieces that are not slim count as of no length.
 
     A cell of the mask is RASTER wide; pieces that are not SLIM have length 0.
     """
@@ -258,7 +260,8 @@ def _slim_pieces(alike: NDArray[np.bool_]) -> tuple[NDArray[np.int32], Array]:
 def _find_ends(
     image: Image, calibration: Calibration, seen: _SeenStrip, thickness: float
 ) -> _SeenStrip:
-    """Refine the ends of a resting strip that was `seen` to lie along x from 0 on.
+    """Copy of `seen` with precise positions of both ends, for a strip that rests along
+    the x axis from x = 0 on.
 
     Its lower border is sampled, then its ends are searched. `thickness` [m] is that of
     the strip.

@@ -74,8 +74,8 @@ def fold(
     devices: Devices | None = None,
     policy: Policy | None = None,
 ) -> FoldResult:
-    """Fold one strip, measured through `calibration`, and record the run in a new
-    folder.
+    """Carry out one fold of a strip, seen through `calibration`, record it in a new
+    folder, and return its result.
 
     Other `devices` or another `policy` than the request names may be given; the devices
     are closed at the end. Raises CellError for errors before the run; errors during the
@@ -130,7 +130,8 @@ def _new_run(
     correction: Correction | None,
     foreseen: Feasibility,
 ) -> RunWriter:
-    """Create the folder of a run by `request`, with its header; returns its writer.
+    """Create the folder of a run for `request`, with its header file, and return the
+    writer of its record.
 
     On the twin, whose clock waits, the writer waits for the disk.
     """
@@ -149,8 +150,8 @@ def _new_run(
 
 @contextmanager
 def _reader(inputs: StripInputs, *, real_time: bool) -> Iterator[Reader]:
-    """Reader of images within the block: a separate process where the run is in
-    `real_time`.
+    """Context with a reader that measures the strip in camera images: in a process of
+    its own where the run is in `real_time`, else in this one.
     """
     if not real_time:
         yield InlineReader(Measurer(inputs), inputs.calibration.latency)
@@ -167,8 +168,8 @@ def _record_fold(
     observers: Sequence[Observer],
     interrupted: Callable[[], bool],
 ) -> tuple[Outcome, Truth, str]:
-    """Fold, record and complete the run's folder; returns the outcome, the plant's
-    truth, and what is to be told besides.
+    """Carry out a fold and complete the folder of its run; returns the outcome, the
+    true motion where it was simulated, and a text that is to be told besides.
     """
     strip, log = inputs.strip, FoldLog()
     folder = writer.folder
@@ -204,8 +205,8 @@ def _record_fold(
 
 
 def _write_truth(folder: Path, truth: Truth, outcome: Outcome) -> Outcome:
-    """Write `truth` into the run `folder`; returns `outcome`, or a fault where that
-    fails.
+    """Write the true motion of the simulated strip into the run `folder`; returns
+    `outcome`, or a fault where the file cannot be written.
     """
     try:
         write_truth(folder, truth)
@@ -216,7 +217,8 @@ def _write_truth(folder: Path, truth: Truth, outcome: Outcome) -> Outcome:
 
 
 def _learn(request: Request, outcome: Outcome, folder: Path) -> str:
-    """Store the fold's deviation from its prediction in the memory of its cell.
+    """Store in the memory of the cell how far the fold of `request` deviates from its
+    prediction.
 
     Returns the reason why it cannot be stored, which the record keeps too; an empty
     text where it is stored, or where the fold is not usable.
@@ -245,8 +247,8 @@ def run_and_record(
     recorder: FileRecorder,
     review: Callable[[Outcome, Recorder], Outcome] = lambda outcome, _: outcome,
 ) -> Outcome:
-    """Execute `run`, close the devices, `review` the outcome, record it, whatever
-    errors occur.
+    """Execute the control loop `run`, close the devices, let `review` change the
+    outcome, and record it, whatever errors occur.
     """
     try:
         devices.connect()
@@ -270,8 +272,8 @@ def _review_and_finish(
     recorder: FileRecorder,
     review: Callable[[Outcome, Recorder], Outcome],
 ) -> Outcome:
-    """Review the outcome, write it as the run's result, and close the record in any
-    case.
+    """Let `review` change the `outcome`, write it as the run's result, and close the
+    record in any event.
     """
     content = result_content(outcome)  # for a review that is interrupted
     try:
@@ -290,8 +292,8 @@ def _review_and_finish(
 
 @contextmanager
 def realtime_thread(real_time: bool) -> Iterator[None]:
-    """Within the block, keep the control loop's thread on time, if the run is in
-    `real_time`.
+    """Context in which the thread of the control loop keeps its times, where the run is
+    in `real_time`; else it changes nothing.
 
     It takes precedence over threads that record or show: by real-time priority where
     this user may have it, else by short slices of processor time. Memory is locked, and
@@ -318,8 +320,8 @@ def realtime_thread(real_time: bool) -> Iterator[None]:
 
 
 def _warning(outcome: Outcome, *others: str) -> str | None:
-    """Text on disagreeing lengths, on a strip unlike its model, and `others`; None
-    without any.
+    """Text for the operator on lengths that disagree, on a strip that behaves unlike
+    its model, and on whatever `others` say; None where there is nothing to warn of.
     """
     agreement = outcome.agreement
     lines = list(dict.fromkeys(doubts(outcome.witnesses).values()))

@@ -20,19 +20,23 @@ UNLIKE_REASON = "unlike_model"
 
 
 class FoldTrace:
-    """Observer of a fold that stores gripper poses from the lift on, and measured
-    profiles.
+    """Observer of a fold that stores the gripper's path and the measured shapes of the
+    strip, to compare the strip with its model at the end.
     """
 
     def __init__(self, strip: StripFile) -> None:
-        """Trace a fold of `strip`, which is described as the controller sees it."""
+        """Begin the trace of a fold of `strip`, which is the strip as the controller
+        knows it.
+        """
         self._strip = strip
         self._path: list[tuple[float, ...]] = []
         self._stamps: list[float] = []
         self._profiles: list[np.ndarray] = []
 
     def handle_tick(self, snapshot: Snapshot) -> None:
-        """Store the gripper's pose and, if new, the strip's profile."""
+        """Store the gripper's pose in `snapshot`, and the measured shape of the strip
+        where it is a new one.
+        """
         if snapshot.state not in MEASURED_STATES:
             return
         pose = snapshot.arm.pose
@@ -48,8 +52,8 @@ class FoldTrace:
         """Ignore an event of the run, as the trace needs none."""
 
     def review(self, outcome: Outcome, record: Recorder) -> Outcome:
-        """Add the agreement of strip and model to `outcome`, which fails if it is
-        poor.
+        """Copy of `outcome` with how well the strip agrees with its model; where it
+        behaves unlike it, a successful outcome becomes a failed one.
         """
         agreed = self._agreement(outcome, record.origin)
         outcome = replace(outcome, agreement=agreed)
@@ -62,7 +66,9 @@ class FoldTrace:
         return outcome.overridden_by(Outcome(UNLIKE_REASON, reason, exit_code=1))
 
     def _agreement(self, outcome: Outcome, origin: float) -> Agreement | None:
-        """Agreement of strip and model; None without prediction, touch or a fit."""
+        """How well the measured strip agrees with its model; None where there is no
+        prediction, no touch of the layers, or no fit.
+        """
         if outcome.predicted is None or outcome.touch is None or not self._stamps:
             return None
 

@@ -47,8 +47,8 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True)
 class FilmMeasurement:
-    """Result of measuring a film: number of `images` up to the `touch`, and of
-    confident ones.
+    """Result of the measurement of a film: the run `folder`, and the number of `images`
+    up to the touch of the layers.
 
     `read` counts the latter. The run begins `begin` [s] after the film.
     """
@@ -68,8 +68,8 @@ def observe(
     configs: str | Path | None = None,
     progress: Progress = lambda _time: None,
 ) -> FilmMeasurement:
-    """Measure the fold on the film at `film`; writes the run `folder` with an overlay
-    film.
+    """Measure the fold on the film at `film` and write it into the run `folder`, with a
+    copy of the film in which the measurement is drawn.
 
     The film begins with the strip lying flat and still; without a `calibration`, with
     the printed board that stands in the plane of its edge, and the strip lies still
@@ -124,8 +124,8 @@ def observe(
 
 
 def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Frame]:
-    """Yield a film's images at the calibration's size, from `begin` [s] on, with stamps
-    since then.
+    """Yield the images of the film at `film` from `begin` [s] on, scaled to the size of
+    the calibration, with times that count from `begin`.
 
     Raises ConfigurationError for unlike images.
     """
@@ -163,8 +163,8 @@ def _appearance(
     *,
     by_board: bool,
 ) -> Appearance:
-    """Appearance of the strip in the `first` image; ConfigurationError where a check
-    fails.
+    """How the strip looks in the `first` image of a film, by which later images are
+    measured; ConfigurationError where it does not lie flat there.
     """
     checked = inspect(first, calibration, strip)
     failed = next((check for check in checked.checks if not check.passed), None)
@@ -180,8 +180,8 @@ def _appearance(
 
 
 def _clip(first: Frame, film: Path, calibration: Calibration, strip: StripFile) -> Clip:
-    """Clip at the strip's end in the `first` image; raises ConfigurationError without
-    one.
+    """Clip that holds the strip's end in the `first` image of a film;
+    ConfigurationError where none is seen.
     """
     clip = Clip.learn(first.image, calibration, strip)
     if clip is None:
@@ -201,8 +201,8 @@ def _measure(
     overlay: FilmWriter,
     progress: Progress,
 ) -> tuple[list[HeldMeasurement], SeenTouch | None]:
-    """Measure the images up to the layer touch; returns the measurements, and the touch
-    or None.
+    """Measure the images of a film up to the touch of the strip's layers; returns the
+    measurements, and the touch, None where there is none.
     """
     measured: list[HeldMeasurement] = []
     touch: SeenTouch | None = None
@@ -222,8 +222,8 @@ def _measure(
 def _draw_measurement(
     image: Image, held: HeldMeasurement, calibration: Calibration
 ) -> Image:
-    """Copy of `image` (h, w, 3) with its measurement drawn, and a cross at the held
-    end.
+    """Copy of `image` in which the measured strip is drawn as a line, and its held end
+    as a cross.
     """
     end = held.end
     strip = held.measurement
@@ -242,7 +242,9 @@ def _is_confident(held: HeldMeasurement) -> bool:
 
 
 def _check_enough(measured: Sequence[HeldMeasurement], film: Path) -> None:
-    """Raise ConfigurationError where too few images show the lifted strip."""
+    """Raise ConfigurationError where too few images of the film at `film` show the
+    lifted strip.
+    """
     count = sum(map(_is_confident, measured))
     if count < FEWEST_IMAGES:
         raise ConfigurationError(
@@ -260,8 +262,8 @@ def _write(
     calibration: Calibration,
     touch: SeenTouch | None,
 ) -> None:
-    """Write tables, calibration and result of the run: t = 0 is the film's first
-    image.
+    """Write the tables, the calibration and the result of a filmed fold into the run
+    `folder`, with times from the film's first image.
     """
     rows = [sight_row(held.measurement) for held in measured if _is_confident(held)]
     sights = pa.Table.from_pylist(rows, SIGHT_ROWS)
@@ -287,8 +289,8 @@ def _header(
     calibration: Calibration,
     measured: Sequence[HeldMeasurement],
 ) -> dict[str, object]:
-    """Content of run.yaml for a film: noise of its measurements, and the
-    calibration.
+    """Content of the header file of a filmed fold: the noise of its measurements, its
+    strip, and the calibration.
     """
     period = float(np.median(np.diff([held.measurement.stamp for held in measured])))
     floors = SIGMA_FLOORS | {"touch_time": period}
@@ -308,8 +310,8 @@ def _header(
 def _held_path(
     measured: Sequence[HeldMeasurement], strip: StripFile
 ) -> dict[str, Array]:
-    """Path of the held end from the flat strip on: columns (n,) t [s], x, z [m], pitch
-    [rad].
+    """Path of the strip's held end from the flat strip on, as columns `t` [s], `x` and
+    `z` [m], and pitch [rad].
     """
     ends = [
         (held.measurement.stamp, held.end) for held in measured if held.end is not None

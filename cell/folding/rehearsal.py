@@ -36,8 +36,8 @@ LOOKAHEAD = 0.02  # s over which the path's velocity is taken
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """Raised path of a rehearsal: poses (n, 3) of x, z [m] and pitch [rad], `speeds`
-    (n,) [m/s].
+    """Path of the gripper in a fold that is rehearsed in the air: a row of x [m], z [m]
+    and pitch [rad] for each point, and speeds [m/s].
     """
 
     path: Array
@@ -45,8 +45,8 @@ class Rehearsal:
     limits: MotionLimits
 
     def motion(self, _: Snapshot) -> Motion:
-        """Move through approach, grasp, fold, lay, release and retreat, without a
-        strip, and end with an open hand.
+        """Motion through all parts of a fold, from approach to retreat, without a
+        strip; it ends with an open hand.
         """
         last = len(self.path) - 1
         release = last - 1  # before the retreat
@@ -60,8 +60,8 @@ class Rehearsal:
         return (yield from open_hand())
 
     def _follow(self, first: int, last: int) -> Motion:
-        """Move along the path's points `first` to `last`, with a stop at each sharp
-        corner.
+        """Motion along the path from the point with the index `first` to that with the
+        index `last`, which stops at each sharp corner.
         """
         stops = [first, *self._corners(first, last), last]
         for begin, end in pairwise(stops[:-1]):
@@ -69,8 +69,8 @@ class Rehearsal:
         return (yield from self._follow_part(*stops[-2:]))
 
     def _corners(self, first: int, last: int) -> list[int]:
-        """Indices of the points between `first` and `last` at which the path turns
-        sharply.
+        """Indices of the points, between those numbered `first` and `last`, at which
+        the path turns by a sharp angle.
         """
         legs = np.diff(self.path[first : last + 1, :2], axis=0)
         lengths = np.linalg.norm(legs, axis=1)
@@ -79,8 +79,8 @@ class Rehearsal:
         return (first + 1 + np.flatnonzero(sharp)).tolist()
 
     def _follow_part(self, first: int, last: int) -> Motion:
-        """Drive along the path between two corners, speeding up and slowing down
-        smoothly.
+        """Motion along the path between two corners, from the point `first` to the
+        point `last`, that speeds up and slows down smoothly.
         """
         part = slice(first, last + 1)
         poses, times = densify(self.path[part], self.speeds[part])
@@ -109,8 +109,8 @@ def rehearsal(
     elbow: float | None = None,
     limits: JointLimits = FR3,
 ) -> Rehearsal:
-    """Rehearsal of a fold along `path` (n, 3) x, z [m], pitch [rad], raised by
-    HOVER_HEIGHT.
+    """Rehearsal in the air of a fold along `path`, with a row of x [m], z [m] and pitch
+    [rad] for each point, raised by a fixed height.
 
     `speeds` (n,) [m/s] are those of the fold. Parts that only avoid a lying strip are
     left out. With an `elbow` [rad] a Franka arm must reach the path, its joints within
@@ -145,7 +145,8 @@ def rehearsal(
 def rehearse(
     foreseen: Feasibility, interrupted: Callable[[], bool] = lambda: False
 ) -> Outcome:
-    """Carry out the motion of a `foreseen` fold in the air, without strip or grasp.
+    """Carry out the motion of a `foreseen` fold in the air, without a strip and without
+    a grasp, and return its outcome.
 
     Raises PreflightRefused for a fold with problems.
     """
@@ -164,8 +165,8 @@ def rehearse(
 
 
 def _eased_time(time: float, duration: float) -> float:
-    """Time [s] along a motion of `duration` [s], slowed down within RAMP of both
-    ends.
+    """How far a smooth motion has come `time` [s] after its start, as the time [s] that
+    the same way takes at full speed; the whole way takes `duration` [s] at full speed.
     """
     ramp = min(RAMP, duration)
     left = max(duration + ramp - time, 0.0)

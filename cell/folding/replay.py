@@ -36,8 +36,8 @@ POSE_ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """Result of a replay: numbers of repeated images and decisions, and texts of
-    `differences`.
+    """Result of a replay: the numbers of images and decisions that were repeated, and a
+    text for each difference from the record.
     """
 
     images: int
@@ -46,15 +46,15 @@ class Replay:
 
     @property
     def same(self) -> bool:
-        """Whether every image and decision repeated in the replay equals the recorded
-        one.
+        """Whether all repeated images and decisions equal the recorded ones, and there
+        was at least one decision.
         """
         return not self.differences and self.decisions > 0
 
 
 def replay(folder: Path) -> Replay:
-    """Repeat perception on every stored image of the run in `folder`, and every
-    decision.
+    """Repeat the measurement of every stored image, and every decision, of the run in
+    `folder`.
 
     For a run without images, only the decisions. Raises ConfigurationError for a run
     that lacks the data: a laboratory's run, or one that ended before any decision.
@@ -79,7 +79,9 @@ def replay(folder: Path) -> Replay:
 
 @dataclass(frozen=True, slots=True)
 class _Decision:
-    """A recorded decision with its image, gripper position [m] and time [s]."""
+    """Recorded decision of a policy, with the number of its image, its time [s] and the
+    gripper's position [m].
+    """
 
     sequence: int
     time: float
@@ -93,7 +95,9 @@ _DECISION = TypeAdapter(_Decision)
 
 
 def _decision(event: Event, run: Run) -> _Decision:
-    """Decision in `event` of `run`; ConfigurationError where the record was changed."""
+    """Decision that the recorded `event` of `run` holds; ConfigurationError where it is
+    not whole.
+    """
     try:
         return _DECISION.validate_python(event.facts)
     except ValidationError:
@@ -106,8 +110,8 @@ def _decision(event: Event, run: Run) -> _Decision:
 def _repeat_perception(
     run: Run, strip: StripFile, measured: Measured
 ) -> tuple[int, list[str]]:
-    """Measure the stored images again; returns their number, and differences from the
-    record.
+    """Measure the stored images of a run again; returns their number, and a text for
+    each difference from the record.
     """
     frames = run.frames()
     first = next(frames, None)
@@ -139,8 +143,8 @@ def _repeat_perception(
 
 
 def _check_size(run: Run, frame: Frame, calibration: Calibration) -> None:
-    """Raise ConfigurationError for a stored image of another size than the
-    calibration.
+    """Raise ConfigurationError where the stored image `frame` has another size than the
+    images of the `calibration`.
     """
     lens = calibration.lens
     if not lens.fits(frame.image):
@@ -153,7 +157,7 @@ def _check_size(run: Run, frame: Frame, calibration: Calibration) -> None:
 
 
 def _differences(now: StripMeasurement, then: StripMeasurement) -> Iterator[str]:
-    """Yield a text for each value that is measured differently `now` than it was
+    """Yield a text for each length that is measured differently `now` from what it was
     `then`.
     """
     recorded = _lengths(then)
@@ -168,7 +172,9 @@ def _differences(now: StripMeasurement, then: StripMeasurement) -> Iterator[str]
 
 
 def _lengths(seen: StripMeasurement) -> dict[str, float]:
-    """Measured lengths [m] by their column in the record."""
+    """Lengths [m] that were measured in an image, by the name of their column in the
+    record.
+    """
     names = ("contact_x", "tip_x", "tip_z", "gap", "gap_x")
     return dict(
         zip(names, (seen.contact_x, *seen.tip, seen.gap, seen.gap_x), strict=True)
@@ -182,8 +188,8 @@ def _other_decisions(
     decided: list[_Decision],
     measured: Measured,
 ) -> Iterator[str]:
-    """Decide again on the recorded measurements; yields decisions that differ from the
-    record.
+    """Decide again on the recorded measurements of a run, and yield a text for each
+    decision that differs from the record.
     """
     header = run.header
     weights = None if header.checkpoint is None else run.folder / CHECKPOINT
@@ -216,14 +222,16 @@ def _other_decisions(
 
 
 def _header_entry(run: Run, key: str, model: type[Any]) -> Any:
-    """Parse the entry `key` of the run's header as a `model`."""
+    """Entry `key` of the header of a run, parsed as an object of the class `model`;
+    ConfigurationError where it is missing or not valid.
+    """
     return parse(
         _header_value(run, key), model, f"{run.folder}/run.yaml: {key}", extra="ignore"
     )
 
 
 def _header_value(run: Run, key: str) -> Any:
-    """Value of `key` in the run's header; raises ConfigurationError where it is
+    """Value of the entry `key` in the header of a run; ConfigurationError where it is
     missing.
     """
     fact = getattr(run.header, key)

@@ -38,7 +38,9 @@ UNCORRECTED = Correction()
 
 @dataclass(frozen=True, slots=True)
 class RecordingOptions:
-    """Options of a fold's record beside its tables: images, film, truth, live view."""
+    """What is recorded of a fold besides its tables: camera images, a film, the true
+    motion of a simulated strip, and a live view.
+    """
 
     frames: Keep | None = None
     film: Encoder | None = None
@@ -48,8 +50,8 @@ class RecordingOptions:
 
 @dataclass(frozen=True, slots=True)
 class Learning:
-    """Correction of a fold by the cell's learned bias; the cell `learns` from the fold
-    or not.
+    """How a fold is corrected by what its cell has learned from earlier ones, and
+    whether the cell `learns` from this fold too.
 
     `specimen` names the piece of fabric; `memory` is a folder instead of the user's.
     `use` is what was asked for: `auto`, `on`, `off`, a length to correct by without
@@ -65,8 +67,8 @@ class Learning:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Request of one fold: cell, strip, policy and options, as values that a process
-    can be sent.
+    """Request of one fold: the cell, the strip, the policy and options, all as values
+    that can be sent to another process.
 
     `runs` is the folder for its record, `speed` [m/s] on the path replaces the cell's
     own, and a real robot is slowed down unless at `full_speed`. The strip is folded
@@ -87,13 +89,13 @@ class Request:
 
     @property
     def line(self) -> FoldLine:
-        """Line along which the strip is folded."""
+        """Line across the strip along which it is folded."""
         return FoldLine.of(self.strip.length, self.at)
 
     @property
     def condition(self) -> str:
-        """Label of folds that are made alike: policy, speed, and a line off the
-        middle.
+        """Text that is equal for folds that are made alike: the policy, the speed and,
+        unless it is the middle, where the strip is folded.
         """
         label = f"{self.policy} at {self.settings.fold.speed:g} m/s"
         if self.line.is_half:
@@ -102,7 +104,9 @@ class Request:
 
     @property
     def subject(self) -> BiasKey:
-        """Key under which the cell learns from this fold."""
+        """What the bias that the cell learns from this fold belongs to: policy, strip
+        and specimen, and the fold line unless it is the middle.
+        """
         specimen = self.learning.specimen
         mine = subject_of(self.policy, self.checkpoint, self.strip.name, specimen)
         if self.line.is_half:
@@ -111,8 +115,8 @@ class Request:
 
     @property
     def settings(self) -> CellFile:
-        """Settings of the cell for this fold, with its speed and the limits of its
-        arm.
+        """Settings of the cell for this fold, with the requested speed, and with the
+        limits of the cell's arm.
         """
         settings = at_speed(self.cell, self.speed)
         if settings.has_real_arm and not self.full_speed:
@@ -123,8 +127,8 @@ class Request:
 def repetitions(
     base: Request, plants: Sequence[StripFile], repeat: int = 1
 ) -> tuple[Request, ...]:
-    """Requests of a batch: `repeat` folds on each of `plants`; fold number i has seed S
-    + i.
+    """Requests of a batch like `base`: `repeat` folds on each of the simulated strips
+    `plants`, each with a random seed of its own.
     """
     on_desk: Sequence[StripFile | None] = plants or [None]
     folds = [(plant, index) for plant in on_desk for index in range(repeat)]
@@ -137,8 +141,8 @@ def repetitions(
 
 
 def standard_requests(base: Request) -> tuple[Request, ...]:
-    """Requests of the standard runs, shuffled by `base`'s seed S; number i has seed S +
-    i.
+    """Requests of the standard runs for a fit, like `base` but each with a standard
+    motion, in an order drawn at random by the seed of `base`.
     """
     seed = base.trial.seed
     order = standard_order(np.random.default_rng(seed))
@@ -154,8 +158,8 @@ def standard_requests(base: Request) -> tuple[Request, ...]:
 
 
 def standard_run(request: Request) -> tuple[str, str]:
-    """Name of the standard run that `request` carries out, and the effects that it
-    reveals.
+    """Name of the standard motion that `request` carries out, and the effects that it
+    shows.
     """
     name = request.policy.removeprefix(MOTION)
     return name, STANDARD[name].reveals
@@ -163,7 +167,8 @@ def standard_run(request: Request) -> tuple[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """Requests of a batch of folds, checked and corrected, and the `doubts` about them.
+    """Requests of a batch of folds, checked and with their corrections, and warnings
+    about them in `doubts`.
 
     A doubt is a warning about a strip or plant outside the range for which an engine
     was validated.
@@ -176,7 +181,8 @@ class Prepared:
 def prepare(
     base: Request, plants: Sequence[StripFile] = (), repeat: int = 1
 ) -> Prepared:
-    """Prepare `repeat` folds on each of `plants` as `base` says, whoever asks for them.
+    """Check and correct a batch of `repeat` folds, like `base`, on each of the
+    simulated strips `plants`.
 
     Raises ConfigurationError for devices, calibration, policy or learning that cannot
     be used.
@@ -191,8 +197,8 @@ def prepare(
 
 
 def with_correction(request: Request, learning: str | None) -> Request:
-    """Copy of `request` with the correction of its aim that the option `learning` asks
-    for.
+    """Copy of `request` with the correction of its aim that the text `learning` asks
+    for; None leaves this to the cell's settings.
 
     `learning` is as `Learning.use`. Raises ConfigurationError for other text.
     """
@@ -243,8 +249,8 @@ def line_at(option: str, texts: Sequence[str], length: float) -> float | None:
 
 
 def memory_of(request: Request) -> Memory:
-    """Memory of learned biases that a fold uses and updates: of the cell, or of its
-    twin.
+    """Memory of what a cell has learned that the fold of `request` uses: that of the
+    real cell or, in simulation, one of its own.
     """
     return Memory(
         request.cell.name, request.learning.memory, twin=not request.cell.is_physical
@@ -252,8 +258,8 @@ def memory_of(request: Request) -> Memory:
 
 
 def _should_learn(request: Request, learning: str | None, memory: Memory) -> bool:
-    """Whether the fold is corrected and learned from, by option, memory and
-    settings.
+    """Whether the fold of `request` is corrected and learned from, by the option
+    `learning`, the state of the `memory` and the cell's settings.
     """
     use = request.cell.learning.use
     if learning in {"on", "off"}:

@@ -23,7 +23,8 @@ LINE_COLUMNS = ("run", "strip", "policy", "seed", "outcome", *LENGTHS[:2],
 
 @dataclass(frozen=True, slots=True)
 class FoldResult:
-    """Result of one fold: lengths [m], times [s]; None where not available.
+    """Result of one fold, with lengths [m] and times [s]; a value is None where it is
+    not available.
 
     `displacement` is as measured by the camera, `edge_offset` the offset between the
     laid edges with the sign of d; values named true come from the twin only.
@@ -58,8 +59,8 @@ class FoldResult:
 
     @classmethod
     def refusal(cls, request: Request, error: CellError) -> Self:
-        """Result of a fold that did not begin because of `error`; raises an Interrupted
-        one.
+        """Result of a fold that did not begin because of `error`; an interruption by
+        the user is raised instead.
         """
         if isinstance(error, Interrupted):
             raise error
@@ -69,8 +70,8 @@ class FoldResult:
     def from_outcome(
         cls, request: Request, outcome: Outcome, truth: Mapping[str, Any]
     ) -> Self:
-        """Result of a fold of `request` by `outcome` and the twin's `truth`; its `run`
-        is empty.
+        """Result of the fold of `request` from its `outcome` and the values `truth` of
+        a simulated strip, without the folder of its run.
         """
         touch = outcome.touch
         return cls(
@@ -100,19 +101,22 @@ class FoldResult:
 
     @property
     def offset(self) -> float:
-        """Size [m] of the edges' offset or, if unknown, of the displacement, or
-        infinity.
+        """Size [m] of the offset between the laid edges, of the displacement where that
+        is not known, or infinity where neither is.
         """
         offset = self.displacement if self.edge_offset is None else self.edge_offset
         return inf if offset is None else abs(offset)
 
     def ends(self, until: float) -> bool:
-        """Whether a series of folds ends here: stopped, or edges within `until` [m]."""
+        """Whether this fold ends a series: it was stopped, or it succeeded and left its
+        edges within `until` [m] of each other.
+        """
         return self.exit_code > 1 or (self.exit_code == 0 and self.offset <= until)
 
     @property
     def went_as_planned(self) -> bool:
-        """Whether a standard run is complete enough to be used for a fit.
+        """Whether the run of a standard motion is complete enough to be
+        used for a fit.
 
         A lift there and back ends without a touch, and how the strip lies afterwards is
         not compared with anything.
@@ -120,7 +124,7 @@ class FoldResult:
         return self.outcome in NOT_FOLDED | {"layer_touch", "path_done"}
 
     def line(self) -> dict[str, Any]:
-        """JSON object of the result, as `cell fold --json` prints it."""
+        """Content of the JSON object that `cell fold --json` prints on the result."""
         values = {name: getattr(self, name) for name in LINE_COLUMNS}
         values |= {key: values[key] or None for key in ("run", "calibration")}
         for key, digits in LINE_DIGITS.items():
@@ -130,7 +134,7 @@ class FoldResult:
         return values
 
     def __str__(self) -> str:
-        """Text of the fold's result for the operator."""
+        """Text of the result for the operator, of one or more lines."""
         if self.displacement is None:
             lines = [f"{self.strip}: {self.outcome}: {self.reason}", self.warning]
             return "\n  ".join(filter(None, lines))
@@ -163,7 +167,7 @@ class FoldResult:
 
 
 def _edge_words(offset: float) -> str:
-    """Text of the `offset` [m] of the upper layer's laid edge: beyond or before the
-    lower one.
+    """Text on how far the laid edge of the upper layer lies beyond the lower one's or,
+    where `offset` [m] is negative, before it.
     """
     return f"{in_mm(abs(offset), 1)} {'beyond' if offset > 0 else 'before'}"

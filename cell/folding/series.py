@@ -23,8 +23,8 @@ from drivers.base.errors import ConfigurationError
 
 
 def identity(requests: Sequence[Request]) -> dict[str, str]:
-    """Digests of strip, cell, simulated plant and plan, in which a resumed series must
-    equal the one that was begun.
+    """Digests of the strip, the cell, the simulated strip and the planned folds, by
+    name, by which a series that is resumed is known to be the same.
 
     The plan has policies, speeds, seeds, weights and the number of folds.
     """
@@ -56,8 +56,8 @@ def series_of(
     *,
     resuming: bool = False,
 ) -> Iterator["Remainder"]:
-    """Make the series of `requests`, new or `resuming`; yields what is left of it to be
-    made.
+    """Context in which a series of folds is made, a new one or, where `resuming`, one
+    that was begun before; it gives the folds that are left.
 
     Its manifest lies at `path`, or has a name of its own in the folder of the runs.
     Raises ConfigurationError where it cannot be written, or not be resumed.
@@ -70,7 +70,9 @@ def series_of(
 def _begin(
     requests: Sequence[Request], kind: str, path: Path | None
 ) -> AbstractContextManager[RunSeries]:
-    """Begin a series; ConfigurationError where its manifest cannot be written."""
+    """Begin a new series of folds, whose progress is noted in a file;
+    ConfigurationError where that cannot be written.
+    """
     strip = requests[0].strip.name
     runs = requests[0].runs
     stamp = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{strip}-{kind}-{token_hex(2)}"
@@ -83,7 +85,8 @@ def _begin(
 def _resume(
     requests: Sequence[Request], kind: str, path: Path | None
 ) -> AbstractContextManager[RunSeries]:
-    """Go on with a series, without a `path` with the newest that is unfinished.
+    """Go on with the series whose progress is noted in the file at `path`, or with the
+    newest unfinished one where that is None.
 
     Raises ConfigurationError where there is none, it is under way, or it was begun with
     another strip, cell, plant or plan.
@@ -106,8 +109,8 @@ def _resume(
 
 @dataclass(frozen=True, slots=True)
 class Remainder:
-    """Folds of a series that are left to be made: `requests`, and the `number` of each
-    by its seed.
+    """Folds of a series that are left to be made, in `requests`, with the `numbers` of
+    these folds in the series by their random seed.
     """
 
     series: RunSeries
@@ -116,8 +119,8 @@ class Remainder:
 
     @classmethod
     def of(cls, series: RunSeries, requests: Sequence[Request]) -> "Remainder":
-        """What is left of a series: folds that never began, then again those that began
-        and were not done.
+        """What is left of a series: first the folds that never began, then, once more,
+        those that began and did not end well.
 
         The latter get an index and a seed of their own, for the strip has been folded
         since: two runs with one index would be refused by a fit.
@@ -141,17 +144,21 @@ class Remainder:
         return cls(series, tuple(request for _, request in pairs), numbers)
 
     def begin(self, request: Request) -> None:
-        """Note in the manifest that the fold of `request` begins."""
+        """Note in the file of the series that the fold of `request` begins."""
         self.series.begin(self.numbers[request.trial.seed])
 
     def end(self, request: Request, result: FoldResult) -> None:
-        """Note in the manifest that the fold of `request` has ended."""
+        """Note in the file of the series that the fold of `request` has ended, and with
+        which result.
+        """
         facts = {"run": Path(result.run).name, "outcome": result.outcome}
         number = self.numbers[request.trial.seed]
         self.series.end(number, facts | {"exit_code": result.exit_code})
 
     def sentences(self) -> list[str]:
-        """Words on what was done before, and on each fold that is laid again."""
+        """Sentences on how much of the series was done before, and on each fold that
+        has to be made again.
+        """
         manifest = self.series.manifest
         lines = [f"{len(manifest.done)} of {manifest.parts} are done"]
         for request in self.requests:

@@ -9,8 +9,9 @@ from drivers.base.errors import in_mm
 
 
 def summary_rows(experiences: Sequence[Experience]) -> list[dict[str, Any]]:
-    """Rows, one for each policy, strip and specimen: bias and sigma [m], folds, last
-    change.
+    """Rows for the summary of what a cell has learned, one for each policy, strip and
+    specimen: bias [m] with its uncertainty, number of folds, and last change of the
+    cell.
     """
     rows = []
     for policy, strip, specimen in dict.fromkeys(
@@ -40,7 +41,9 @@ def summary_rows(experiences: Sequence[Experience]) -> list[dict[str, Any]]:
 
 
 def summary_text(rows: Sequence[dict[str, Any]]) -> str:
-    """Text of the `rows` of a summary [mm], with a line for each change of the cell."""
+    """Text of the summary in `rows`, in millimetres, with a further line for each time
+    at which the cell has changed.
+    """
     if not rows:
         return "nothing was learned yet\n"
     lines = [
@@ -59,7 +62,9 @@ def summary_text(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def largest_text(memory: Memory) -> str:
-    """Text of the largest corrections that any fold was made with, below LIMIT."""
+    """Text on the largest corrections with which any stored fold was made, and on the
+    limit of corrections.
+    """
     aim, place = memory.largest_corrections()
     return (
         f"  largest corrections so far: aimed {_mm(aim)} mm, laid the edge {_mm(place)}"
@@ -68,7 +73,7 @@ def largest_text(memory: Memory) -> str:
 
 
 def experience_lines(experiences: Sequence[Experience]) -> str:
-    """Text with a line for each learned experience, oldest first."""
+    """Text with one line for each fold that was learned from, the oldest first."""
     return (
         "".join(f"  {_line(one)}\n" for one in experiences)
         or "nothing was learned yet\n"
@@ -76,7 +81,7 @@ def experience_lines(experiences: Sequence[Experience]) -> str:
 
 
 def _line(one: Experience) -> str:
-    """Text of one learned experience for the operator."""
+    """Line of text on one fold, or one measurement by ruler, that was learned from."""
     fold = f"{one.run}: {one.strip}, {one.specimen}, {one.policy}"
     if one.kind == "ruler":
         return f"{fold}: the ruler shows {_mm(one.rig)} mm more than the camera"
