@@ -20,7 +20,8 @@ VIEW_TOLERANCE = (0.12, 0.12, 0.25, 0.25)
 
 
 class BoardViews:
-    """Collection of views of the calibration board, by ask and tell.
+    """Collection of views of the calibration board for the calibration of a lens: it
+    asks for one view after another, and is told the camera's images.
 
     The caller shows the board as `ask()` requests and passes the camera's image to
     `tell()`. Other views count as well. A requested view is given up after `patience`
@@ -49,12 +50,16 @@ class BoardViews:
         self._lens = guessed_lens(size)
 
     def ask(self) -> WantedView | None:
-        """Next view of the board to show; None once the views suffice."""
+        """Next view of the board that is to be shown to the camera; None once the
+        accepted views suffice.
+        """
         met = [wanted for views in self._met.values() for wanted in views]
         return next((wanted for wanted in self._requests if wanted not in met), None)
 
     def tell(self, frame: Frame) -> SessionRow:
-        """Process an image of the board; a view is accepted if two in a row agree."""
+        """Process an image of the board, and return what was found; a view is accepted
+        where two successive images agree.
+        """
         number = self._count
         self._count += 1
         look = find_board(frame.image, self._detector, self._board)
@@ -79,8 +84,8 @@ class BoardViews:
         return _row(number, look.view, refused)
 
     def restore(self, row: SessionRow, image: Image) -> bool:
-        """Accept the view of a session's `row` if its `image` (h, w, 3) shows the
-        board.
+        """Accept again the view of a session's `row` if its `image` shows the board,
+        and return whether it does.
         """
         view = find_board(image, self._detector, self._board).view
         if view is None:
@@ -90,15 +95,17 @@ class BoardViews:
         return True
 
     def skip(self) -> None:
-        """Give up the view of the board that is requested now."""
+        """Give up the view of the board that is asked for now, so that the next one is
+        asked for.
+        """
         given_up = self.ask()
         self._requests = [wanted for wanted in self._requests if wanted != given_up]
         self._tries = 0
         self._last = None
 
     def take_back(self) -> SessionRow | None:
-        """Remove the newest view and request it again; returns its row, None if there
-        is none.
+        """Remove the newest accepted view, so that it is asked for again; returns the
+        row to note this in the session, or None where there is no view.
         """
         newest = max(self._views, default=None)
         if newest is None:
@@ -108,19 +115,21 @@ class BoardViews:
 
     @property
     def views(self) -> tuple[BoardView, ...]:
-        """All accepted views of the board."""
+        """All accepted views of the board, in the order in which they were taken."""
         return tuple(self._views.values())
 
     @property
     def marks(self) -> tuple[Mark, ...]:
-        """Marks on the corners of all accepted views, which show the coverage."""
+        """Marks to be drawn on all corners of the accepted views, which show how much
+        of the image they cover.
+        """
         return tuple(Mark(corner) for view in self.views for corner in view.image)
 
     def progress(
         self, frame: Frame | None = None, result: SessionRow | None = None
     ) -> Progress:
-        """Message to observers: request, coverage, `result` of the newest image
-        `frame`, if any.
+        """Message to observers with the next request, the coverage of the image and,
+        where given, the `result` of the newest image `frame`.
         """
         gates = coverage.gates(self.views, self._lens, self._settings)
         wanted = self.ask()
@@ -146,14 +155,16 @@ class BoardViews:
         )
 
     def verdict(self, length: float | None) -> LensVerdict:
-        """Verdict on the lens from the views accepted until now.
+        """Verdict on the lens that fits all views accepted until now.
 
         `length` [m] is the ruler's length of the board's squares across all columns.
         """
         return lens_verdict(self._views, self._size, length, self._settings)
 
     def _sketch(self, wanted: WantedView | None) -> Sketch:
-        """Outlines [px] in the image of the requested view and of the newest view."""
+        """Outlines of the board in the image [px]: where it is asked for, and where it
+        was seen last.
+        """
         outline = self._settings.outline()
         as_wanted = as_seen = None
         if wanted is not None:
@@ -163,7 +174,7 @@ class BoardViews:
         return Sketch(self._size, as_wanted, as_seen)
 
     def _refuse(self, frame: Frame, look: BoardDetection) -> str | None:
-        """Reason why an image shows no usable view of the board; None for a
+        """Reason why an image shows no usable view of the board, as a text; None for a
         usable one.
         """
         settings = self._settings
@@ -194,7 +205,9 @@ class BoardViews:
         return None
 
     def _why_undetected(self, look: BoardDetection, size: tuple[int, int]) -> str:
-        """Reason why too few corners are detected: too close, too far, or no board."""
+        """Text on why too few corners of the board are found: the board is too close,
+        too far, or not in the image.
+        """
         side = look.side
         settings = self._settings
         need = (
@@ -213,8 +226,8 @@ class BoardViews:
         return f"{need}; bring it into the image, light it, uncover it"
 
     def _accept(self, number: int, view: BoardView) -> None:
-        """Store an accepted `view`, refit the lens, and strike the required views that
-        it meets.
+        """Store the accepted `view` of image number `number`, fit the lens again, and
+        note which of the required views it meets.
         """
         self._views[number] = view
         self._last = None
@@ -238,8 +251,8 @@ def _row(
     *,
     taken: bool = False,
 ) -> SessionRow:
-    """Row of the session's log on image `number`: corners in its `view`, why it is
-    `refused`.
+    """Row for the log of a session on image `number`: the corners in its `view`, and
+    the reason in `refused` where it was refused.
     """
     corners = [] if view is None else zip(view.ids, view.image, strict=True)
     numbered = tuple((int(corner), float(u), float(v)) for corner, (u, v) in corners)
@@ -247,8 +260,8 @@ def _row(
 
 
 def _matches(wanted: WantedView, shown: Placement, width: float) -> bool:
-    """Whether a view `shown` with relative `width` is within VIEW_TOLERANCE of the
-    `wanted` one.
+    """Whether a view, seen at the place `shown` with the relative `width`, is close
+    enough to the `wanted` one to count as it.
     """
     misses = (
         abs(shown.x - wanted.x),

@@ -18,7 +18,9 @@ FLAT_ANGLE = 0.05  # rad under which a lean is not mentioned
 
 
 class WantedView(BoardPlacement):
-    """A required view of the board, by its position, size and angles in the image."""
+    """View of the calibration board that is required, by the board's position, size and
+    angles in the image.
+    """
 
     __slots__ = ()
 
@@ -36,8 +38,8 @@ class WantedView(BoardPlacement):
         return f"{where}, {100 * self.size:.0f} % of the image wide, {how}"
 
     def outline(self, corners: Array, lens: Lens) -> Array:
-        """Image points (4, 2) [px] of the board's outer `corners` (4, 2) [m] in the
-        wanted view.
+        """Points [px] at which an image through `lens` shows the board's four outer
+        `corners` [m] in the wanted view.
         """
         from scipy.spatial.transform import Rotation  # half a second that no fold needs
 
@@ -56,8 +58,8 @@ class WantedView(BoardPlacement):
 
 
 def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, ...]:
-    """Thirteen required views of the board: five positions in the image, four leans,
-    four leans with roll.
+    """The thirteen required views of the board: five positions in the image, four
+    leaning boards, and four that lean and are rolled too.
 
     Positions are fractions of the image, `sizes` those of its width that the board
     fills, far and near; `lean` [rad] is the largest tilt.
@@ -84,8 +86,8 @@ def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, .
 
 
 def _words(share: float, low: str, high: str) -> str:
-    """Word for a position at the fraction `share` of the image: `low`, middle or
-    `high`.
+    """Word for a position at the fraction `share` of the image's width or height: the
+    word `low`, "middle" or the word `high`.
     """
     if abs(share - 0.5) <= MIDDLE_SHARE:
         return "middle"
@@ -93,8 +95,8 @@ def _words(share: float, low: str, high: str) -> str:
 
 
 def _lean_words(angle: float, positive: str, negative: str) -> str:
-    """Words for a board that leans by `angle` [rad] to either side; empty where it does
-    not lean.
+    """Text on a board that leans by `angle` [rad], with the words `positive` or
+    `negative` for the side; empty where it does not lean.
     """
     if abs(angle) < FLAT_ANGLE:
         return ""
@@ -109,8 +111,8 @@ GUESS = 2.0  # focal length over image width, before any is known
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Place, size, skew and lean of the board in one view, as in ROS's
-    camera_calibration.
+    """Position, size, skew and lean of the calibration board in one view, with the same
+    measures as ROS's camera_calibration.
 
     `x`, `y` are its centre and `size` the root of its area, as fractions of the image;
     `skew` is 0 for a rectangle and 1 for corners 28 degrees off square; `tilt`, `turn`
@@ -127,8 +129,8 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Coverage that views must reach: `have` of `need` [`unit`], and `advice` to the
-    operator.
+    """Requirement on how well the views cover the image: they reach `have` of `need`,
+    counted in `unit`, and `advice` says what to show next.
     """
 
     name: str
@@ -139,17 +141,17 @@ class Gate:
 
     @property
     def share(self) -> float:
-        """Fraction of the required coverage that the views reach, at most 1."""
+        """Fraction of the requirement that the views reach, at most 1."""
         return min(self.have / self.need, 1.0)
 
     @property
     def passed(self) -> bool:
-        """Whether the accepted views meet the requirement on coverage."""
+        """Whether the accepted views meet this requirement."""
         return self.have >= self.need
 
     @property
     def ratio(self) -> str:
-        """Text `have` of `need` for the coverage, with integers where views are
+        """Text `have of need` with the two numbers, which are whole where views are
         counted.
         """
         digits = 0 if self.unit else 2
@@ -160,8 +162,8 @@ class Gate:
 
 
 def guessed_lens(size: tuple[int, int]) -> Lens:
-    """Typical lens for images of `size` [px], accurate enough to compute a board's
-    tilt.
+    """Typical lens for images of width and height `size` [px], accurate enough to
+    compute how a board is tilted.
     """
     width, height = size
     return Lens.pinhole(size, GUESS * width, ((width - 1) / 2, (height - 1) / 2))
@@ -169,8 +171,8 @@ def guessed_lens(size: tuple[int, int]) -> Lens:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sketch:
-    """Outer corners (4, 2) [px] of the board, as `wanted` and as `seen`, None where
-    unknown.
+    """Outer corners of the board in an image [px], a row for each of the four, as
+    `wanted` and as `seen`; None where these are unknown.
 
     `size` is the (width, height) [px] of the image.
     """
@@ -181,8 +183,8 @@ class Sketch:
 
 
 def project_outline(view: BoardView, outline: Array) -> Array:
-    """Project the board's outer corners `outline` (4, 2) [m] to image points (4, 2)
-    [px].
+    """Points [px] at which the image of `view` shows the board's outer corners
+    `outline` [m], a row for each of the four.
     """
     to_image, _ = cv2.findHomography(view.board[:, :2], view.image, 0)
     corners: Array = cv2.perspectiveTransform(outline[None], to_image)[0]
@@ -190,8 +192,8 @@ def project_outline(view: BoardView, outline: Array) -> Array:
 
 
 def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
-    """Placement in `view` of a board with outer corners `outline` (4, 2) [m],
-    clockwise.
+    """Position, size and lean, in the image of `view`, of a board whose outer corners
+    are the four rows of `outline` [m], clockwise.
     """
     corners = project_outline(view, outline) / lens.size
     x, y = corners.T
@@ -219,7 +221,9 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
 def gates(
     views: Sequence[BoardView], lens: Lens, needs: BoardSettings
 ) -> tuple[Gate, ...]:
-    """All requirements on coverage, and how far `views` through `lens` meet them."""
+    """All requirements on how the views cover the image, and how far `views`, seen
+    through `lens`, meet them.
+    """
     placed = [placement(view, needs.outline(), lens) for view in views]
     no_view = [(0.0, 0.0, 0.0)]  # spans nothing, before the first view
     x, y, size = np.ptp(
@@ -265,7 +269,9 @@ def gates(
 
 
 def _lean_gate(name: str, angles: Array, needs: BoardSettings) -> Gate:
-    """Requirement that enough of the `angles` (n,) [rad] lie beyond the threshold."""
+    """Requirement that enough of the views lean in the direction `name`: enough of
+    `angles` [rad] must lie beyond a threshold.
+    """
     count = int((angles > needs.tilted).sum())
     advice = f"lean {name} by {degrees(needs.tilted):.0f} deg or more"
     return Gate(
@@ -274,8 +280,8 @@ def _lean_gate(name: str, angles: Array, needs: BoardSettings) -> Gate:
 
 
 def _cell_share(views: Sequence[BoardView], lens: Lens) -> float:
-    """Fraction of the cells of a grid over the image in which board corners were
-    detected.
+    """Fraction of the cells of a coarse grid over the image in which corners of the
+    board were found in any of `views`.
     """
     if not views:
         return 0.0

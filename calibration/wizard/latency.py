@@ -61,13 +61,17 @@ class LatencySteps(Settings):
     seen: list[tuple[float, float, float]] = Field(default_factory=list)
 
     def tell_arm(self, state: ArmState) -> None:
-        """Add the arm's newest `state`, unless the same state was added before."""
+        """Add the arm's newest `state`, unless it is no newer than the last one that
+        was added.
+        """
         arm = self.arm
         if not arm or state.stamp > arm[-1][0]:
             arm.append((state.stamp, state.pose.x, state.pose.z))
 
     def tell_frame(self, frame: Frame) -> None:
-        """Add a new image; ignored where the image does not show the pointer."""
+        """Add the position of the pointer in a new image; an image that does not show
+        the pointer is ignored.
+        """
         centre = find_pointer(frame.image)
         if centre is not None:
             u, v = centre.tolist()
@@ -75,8 +79,8 @@ class LatencySteps(Settings):
 
 
 def step_poses(settings: LatencySettings) -> tuple[Pose, ...]:
-    """Poses of the pointer between which the arm steps to and fro, in the order of its
-    steps.
+    """Poses of the pointer between which the arm steps to and fro, in the order in
+    which it takes them.
     """
     positions = (settings.x, settings.x + settings.step)
     return tuple(
@@ -87,8 +91,8 @@ def step_poses(settings: LatencySettings) -> tuple[Pose, ...]:
 def latency_verdict(
     steps: LatencySteps, plane_map: PlaneMap | None, settings: LatencySettings
 ) -> LatencyVerdict:
-    """Measure the camera's latency by `steps` of the arm, through the map of the
-    touched points.
+    """Verdict on the camera's latency, measured from `steps` of the arm; `plane_map`
+    takes points of the image to the plane of the strip, None where it is not known.
     """
     told = steps.arm
     most = settings.most
@@ -129,8 +133,8 @@ def latency_verdict(
 def _drift_reasons(
     arm: Array, stamps: Array, along: Array, latency: float, settings: LatencySettings
 ) -> tuple[str, ...]:
-    """Reason for refusal where the latency drifts over the steps: two clocks of unequal
-    rate.
+    """Texts on why a latency is refused that drifts during the arm's steps, as it does
+    where the two clocks run at unequal rates; empty where it does not.
     """
     rate, rate_sigma = _drift_rate(arm, stamps, along, latency)
     duration = np.ptp(stamps)
@@ -150,8 +154,8 @@ def _drift_reasons(
 def _drift_rate(
     arm: Array, stamps: Array, along: Array, latency: float
 ) -> tuple[float, float]:
-    """Drift [s/s] of the images' `latency` [s] with time, and one sigma of it, by a
-    robust fit.
+    """Rate [s/s] at which the latency of the images changes with time, and its standard
+    error, by a fit that outliers hardly affect.
     """
     from scipy.optimize import least_squares
 
@@ -175,8 +179,8 @@ def _drift_rate(
 def _best_latency(
     arm: Array, stamps: Array, along: Array, most: float
 ) -> tuple[float, float]:
-    """Latency [s] at which images and arm agree best, and their remaining rms distance
-    [m].
+    """Latency [s], at most `most` [s] in size, at which images and arm agree best, and
+    the root mean square distance [m] that remains.
 
     A constant offset between both is a free parameter: it belongs to the map.
     """
@@ -199,8 +203,8 @@ def _best_latency(
 def _reasons(
     latency: float, apart: float, misfit_mm: float, settings: LatencySettings
 ) -> tuple[str, ...]:
-    """Reasons to refuse a measured `latency` [s]: its size, how far its halves are
-    `apart` [s], or the misfit in motion.
+    """Texts on why a measured `latency` [s] is refused: it is too large, its halves lie
+    too far `apart` [s], or images and arm do not agree in motion.
     """
     return reasons(
         (

@@ -32,7 +32,8 @@ BOW_MODES = 3  # of a bow: x^2, y^2, x y
 def _bow_reasons(
     views: Sequence[BoardView], lens: Lens, settings: BoardSettings
 ) -> tuple[str, ...]:
-    """Reasons for refusal: a board that is not flat, which falsifies the focal length.
+    """Texts on why a board that is not flat is refused, since its bow falsifies the
+    focal length; empty where it is flat.
 
     `lens` is the one fitted to `views` as if the board were flat.
 
@@ -71,8 +72,9 @@ def _bow_reasons(
 
 
 def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
-    """Derivatives (2n, 11) by lens and bow, and errors (2n,), less the part that the
-    pose fits.
+    """Derivatives of the corners' positions in one view by the numbers of the lens and
+    by the board's bow, and the corners' errors [px], both without what the pose of the
+    board can fit.
 
     The images of the view's n corners [px] are linearised about the best pose of a flat
     board.
@@ -96,8 +98,8 @@ def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
 
 
 def _bow_modes(points: Array) -> Array:
-    """Terms x^2, y^2, x y (n, 3) [m^2] of a bow at `points` (n, 2) or (n, 3) [m] of the
-    board.
+    """Three terms [m^2] of which a bow of the board is made, for each row of `points`
+    [m]: x squared, y squared, and x times y.
     """
     x, y = points[:, :2].T
     return np.stack([x * x, y * y, x * y], axis=1)
@@ -112,7 +114,7 @@ OFF_CENTRE = 0.15
 
 @dataclass(frozen=True, slots=True)
 class LensVerdict(CalibrationVerdict):
-    """Verdict on the lens `fit` to a number of `views` of the board.
+    """Verdict on a lens that was fitted to a number of `views` of the board.
 
     `bend_mm` is the largest difference of the distortion of two halves of the views, at
     the board's distance, after the best plane homography is removed. `per_view` is the
@@ -127,7 +129,9 @@ class LensVerdict(CalibrationVerdict):
     refused: ClassVar[str] = "mend what is said above and go on"
 
     def facts(self) -> dict[str, Any]:
-        """Plain values of the verdict on the lens, for --json and verdict.yaml."""
+        """Plain values of the verdict on the lens, as the option `--json` prints and
+        the session's verdict file keeps them.
+        """
         return CalibrationVerdict.facts(self) | {
             "passed": self.passed,
             "views": self.views,
@@ -143,8 +147,8 @@ def lens_verdict(
     length: float | None,
     settings: BoardSettings,
 ) -> LensVerdict:
-    """Verdict on the lens from `views` by number, in images of `size` [px], in any
-    order.
+    """Verdict on the lens that fits `views`, which are given by number, in images of
+    width and height `size` [px].
 
     `length` [m] is the ruler's length of the printed squares across all columns.
     """
@@ -180,8 +184,8 @@ def lens_verdict(
 
 
 def _found(views: int, fit: LensFit, split: float, bend_mm: float) -> tuple[Line, ...]:
-    """Graded text lines on a lens fitted to `views`, whose halves differ by the
-    fraction `split` in focal length.
+    """Lines of text with a grade on a lens fitted to `views` views, of which two halves
+    differ by the fraction `split` in focal length and by `bend_mm` [mm] at the board.
     """
     matrix = fit.lens.matrix
     u, v = matrix[:2, 2]
@@ -199,8 +203,8 @@ def _found(views: int, fit: LensFit, split: float, bend_mm: float) -> tuple[Line
 
 
 def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
-    """Fit a lens to `views` of the board in images of `size` [px]; or
-    ConfigurationError.
+    """Fit of a lens to `views` of the board in images of width and height `size` [px];
+    ConfigurationError where none can be fitted.
     """
     return fit_lens(
         [view.board for view in views], [view.image for view in views], size
@@ -210,8 +214,8 @@ def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
 def _differences_of_halves(
     views: Sequence[BoardView], lens: Lens
 ) -> tuple[float, float]:
-    """Differences of the lenses of even and odd `views`: relative focal length, image
-    [mm].
+    """Differences of the lenses fitted to every second of `views` and to the others: in
+    focal length, as a fraction, and in the image at the board's distance [mm].
     """
     size = lens.size
     one = fit_views(views[::2], size).lens
@@ -225,8 +229,8 @@ def _differences_of_halves(
 def _lens_reasons(
     fit: LensFit, split: float, settings: BoardSettings
 ) -> tuple[str, ...]:
-    """Reasons to refuse a lens: corners, focal length, halves of the views, principal
-    point.
+    """Texts on why a lens is refused: by its errors at corners, its focal length, the
+    difference of two halves of the views, or its principal point.
 
     Noise of the corners explains a difference of halves of twice the whole's deviation;
     one beyond that and the tolerance has another cause.
@@ -270,8 +274,8 @@ def _lens_reasons(
 
 
 def _length_reasons(length: float | None, settings: BoardSettings) -> tuple[str, ...]:
-    """Reasons for refusal: the ruler contradicts the stated squares, unseen in
-    images.
+    """Texts on why a board is refused: its `length` [m] by a ruler contradicts its
+    stated squares, or it is None because nobody has measured it.
     """
     columns = settings.columns
     stated = settings.width
@@ -297,8 +301,8 @@ def _length_reasons(length: float | None, settings: BoardSettings) -> tuple[str,
 
 
 def _largest_difference(one: Lens, other: Lens) -> float:
-    """Largest difference [px] of two lenses over the image, after the best plane
-    homography.
+    """Largest difference [px] between two lenses over the image, beyond what a change
+    of the board's plane can explain.
     """
     across = np.linspace(0.02, 0.98, 12)
     down = np.linspace(0.02, 0.98, 8)

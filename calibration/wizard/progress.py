@@ -39,14 +39,16 @@ class SessionRow(Settings):
 
     @property
     def waits(self) -> bool:
-        """Whether an image was neither accepted nor refused, so that the next image
+        """Whether the image was neither accepted nor refused, so that the next image
         decides.
         """
         return not self.taken and self.refused is None
 
     @property
     def answer(self) -> str:
-        """Text on the image for the operator; empty while the next one is awaited."""
+        """Text for the operator on whether the image was taken or why it was refused;
+        empty where the next image decides.
+        """
         if self.waits:
             return ""
         if self.pose is None:
@@ -57,12 +59,16 @@ class SessionRow(Settings):
 
 
 def position_text(x: float, z: float) -> str:
-    """Text on a position `x`, `z` [m] of the pointer, in millimetres."""
+    """Text on the position of the pointer with the coordinates `x` and `z` [m], in
+    millimetres.
+    """
     return f"x {1e3 * x:.0f}, z {1e3 * z:.0f} mm"
 
 
 class MarkKind(StrEnum):
-    """Kinds of points that are drawn into an image."""
+    """Kinds of measured points that are drawn into an image: fitted ones, ones held out
+    of the fit, and wild ones far off.
+    """
 
     FITTED = "fitted"
     HELD_OUT = "held out"
@@ -84,8 +90,8 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mark:
-    """Point that was measured at `pixel` (2,) [px] of an image, to be drawn there with
-    its label.
+    """Point that was measured at the position `pixel` [px] in an image, to be drawn
+    there with its label.
 
     Its `error` (2,) [px] is the measured point minus the one that the calibration
     predicts.
@@ -99,8 +105,8 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Message of a wizard: its request, the reason `why`, and the result of the newest
-    image.
+    """Message from a calibration wizard to its observers: what it asks for, why it
+    does, and the result of the newest image.
 
     `frame` is that image, `marks` are drawn into it; without one, `result` takes a
     measurement back. `coverage` and `sketch` show how a board is to be held, `plan` the
@@ -124,7 +130,7 @@ Observer = Callable[[Progress], None]
 
 
 def ignore(_: Progress) -> None:
-    """Observer that ignores all progress."""
+    """Observer of a calibration wizard that does nothing with its messages."""
 
 
 def draw_picture(
@@ -132,7 +138,8 @@ def draw_picture(
     marks: Iterable[Mark],
     deviation: Callable[[Array], Array] | None = None,
 ) -> Image:
-    """Darkened copy of `image` (h, w, 3) with `marks`, their errors ENLARGED times.
+    """Darkened copy of `image` in which `marks` are drawn, with their
+    errors enlarged.
 
     Lines show how well a place is known by the `deviation` (k,) [m] at pixels (k, 2),
     if given.
@@ -146,8 +153,9 @@ def draw_picture(
 
 
 def _draw_levels(drawn: Image, deviation: Callable[[Array], Array]) -> None:
-    """Draw into `drawn` (h, w, 3) the lines within which a place is known to LEVELS_MM,
-    by the `deviation` (k,) [m] at pixels (k, 2).
+    """Draw into the image `drawn` the lines within which positions are known to some
+    fixed accuracies, by the function `deviation`, which gives it [m] for rows of
+    pixels.
     """
     height, width = drawn.shape[:2]
     v, u = np.mgrid[0:height:LEVEL_STEP, 0:width:LEVEL_STEP]
@@ -169,8 +177,8 @@ def _draw_levels(drawn: Image, deviation: Callable[[Array], Array]) -> None:
 
 
 def _draw_mark(drawn: Image, mark: Mark) -> None:
-    """Draw `mark`: a dot; with a label a circle, its error and the label, or a cross if
-    wild.
+    """Draw `mark` into the image `drawn`: a dot or, where it has a label, a circle with
+    its error and label, or a cross for a wild point.
     """
     at = _pixel(mark.pixel)
     colour = COLOURS_BGR[mark.kind]

@@ -58,7 +58,8 @@ class SessionFile(VersionedFile):
 
 
 class SessionFolder:
-    """Observer of a wizard that writes its messages to a session's folder at once.
+    """Observer of a calibration wizard that writes each of its messages into the folder
+    of a session at once.
 
     It passes them on to `watch`.
     """
@@ -66,8 +67,8 @@ class SessionFolder:
     def __init__(
         self, folder: Path, now: SessionFile, watch: Observer = ignore
     ) -> None:
-        """Begin a session with settings `now` in the new or empty `folder`, or resume
-        its own.
+        """Begin a session with the settings `now` in `folder`, which is new or empty,
+        or resume the session that it holds.
 
         Raises ConfigurationError for a folder that cannot be written, or other settings
         before.
@@ -89,7 +90,9 @@ class SessionFolder:
         self._count = len([*(folder / IMAGES_FOLDER).glob("*.png")])
 
     def __call__(self, progress: Progress) -> None:
-        """Write the measurements in `progress`, and the image if it was accepted."""
+        """Write the measurements in the message `progress`, and its image where that
+        was accepted.
+        """
         if progress.steps is not None:
             write_file(
                 self.folder / LATENCY_FILE, progress.steps.model_dump_json(), MAKE_ROOM
@@ -103,8 +106,8 @@ class SessionFolder:
         self._watch(progress)
 
     def add(self, row: SessionRow, image: Image | None = None) -> None:
-        """Append `row` to told.jsonl, write its `image` (h, w, 3); or
-        ConfigurationError.
+        """Append `row` to the session's log, and write its `image` unless that is None;
+        ConfigurationError where writing fails.
         """
         if image is not None:
             name = f"{IMAGES_FOLDER}/{self._count:04d}.png"
@@ -117,8 +120,8 @@ class SessionFolder:
 
 
 def read_session(folder: Path, kind: Kind) -> SessionFile:
-    """Read session.yaml in `folder`; ConfigurationError for another `kind` of
-    session.
+    """Settings of the session in `folder`; ConfigurationError where it is a session of
+    another `kind`.
     """
     session = load(folder / SESSION_FILE, SessionFile)
     if session.kind != kind:
@@ -130,8 +133,8 @@ def read_session(folder: Path, kind: Kind) -> SessionFile:
 
 
 def _resumed(folder: Path, now: SessionFile) -> SessionFile:
-    """Session in `folder`; raises ConfigurationError where its settings differ from
-    those `now`.
+    """Settings of the session in `folder`; ConfigurationError where any of them differs
+    from those `now`.
     """
     stored = read_session(folder, now.kind)
     for key in ("camera", "image", "locks", "boards", "touches", "latency", "lens"):
@@ -146,7 +149,8 @@ def _resumed(folder: Path, now: SessionFile) -> SessionFile:
 
 
 def read_rows(folder: Path) -> Iterator[SessionRow]:
-    """Yield the rows of told.jsonl in a session's `folder`, without truncated lines.
+    """Yield the rows of the log in a session's `folder`, without a last line that is
+    cut off.
 
     Raises ConfigurationError for a file that cannot be read or a line that is no row.
     """
@@ -158,8 +162,8 @@ def read_rows(folder: Path) -> Iterator[SessionRow]:
 def _taken_images(
     folder: Path, session: SessionFile, without: Collection[int]
 ) -> Iterator[tuple[SessionRow, Image]]:
-    """Accepted rows with images (height, width, 3), except rows of the numbers
-    `without`.
+    """Yield the accepted rows of the session in `folder`, each with its image, except
+    those whose numbers are in `without`.
 
     Raises ConfigurationError for an unknown number, a missing image or one of another
     size.
@@ -180,8 +184,8 @@ def _taken_images(
 
 
 def _read_image(folder: Path, row: SessionRow, size: tuple[int, int]) -> Image:
-    """Image (height, width, 3) of a session's `row`; ConfigurationError if missing or
-    misfit.
+    """Image that a session's `row` names; ConfigurationError where it is missing, lies
+    elsewhere, or has another width and height than `size` [px].
     """
     path = folder / str(row.image)
     if path.resolve().parent != (folder / IMAGES_FOLDER).resolve():
@@ -210,8 +214,8 @@ Task = BoardViews | TouchedPoints
 def restore(
     task: Task, folder: Path, session: SessionFile, without: Collection[int] = ()
 ) -> Image | None:
-    """Repeat a session's measurements on its accepted images, except the numbers
-    `without`.
+    """Tell `task` again the accepted images of the session in `folder`, except those
+    whose numbers are in `without`; returns the last image, or None.
 
     Returns the last of these images (height, width, 3). Raises ConfigurationError for a
     broken file or an image that shows nothing.
@@ -227,8 +231,8 @@ def restore(
 
 
 def read_steps(folder: Path) -> LatencySteps:
-    """Read latency.json in a session's `folder`, empty if there is none; or
-    ConfigurationError.
+    """Positions of arm and pointer during the arm's steps, read from a session's
+    `folder`; empty where they were not recorded there.
     """
     path = folder / LATENCY_FILE
     content = read_json(path, LARGEST_LOG) if path.exists() else {}
@@ -236,14 +240,16 @@ def read_steps(folder: Path) -> LatencySteps:
 
 
 def write_image(path: Path, image: Image) -> None:
-    """Write `image` (height, width, 3) to `path` as PNG; ConfigurationError where that
-    fails.
+    """Write `image` to the file at `path` as a PNG picture; ConfigurationError where
+    that fails.
     """
     write_file(path, as_png(image), MAKE_ROOM)
 
 
 def as_png(image: Image) -> bytes:
-    """Encode `image` (height, width, 3) as PNG; ConfigurationError where that fails."""
+    """Content of a PNG file that shows `image`; ConfigurationError where it cannot be
+    encoded.
+    """
     made, content = cv2.imencode(".png", image, FAST_PNG)
     if not made:
         raise ConfigurationError("the picture cannot be written as PNG")
@@ -251,5 +257,7 @@ def as_png(image: Image) -> bytes:
 
 
 def write_yaml(path: Path, content: Mapping[str, Any]) -> None:
-    """Write `content` to `path` as YAML; ConfigurationError where that fails."""
+    """Write `content` to the file at `path` as YAML; ConfigurationError where that
+    fails.
+    """
     write_file(path, dump_yaml(content), MAKE_ROOM)

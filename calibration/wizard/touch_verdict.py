@@ -46,7 +46,8 @@ ANEW = "run `cell calibrate homography` again"
 
 @dataclass(frozen=True, slots=True)
 class TouchVerdict(CalibrationVerdict):
-    """Verdict on a map to the plane: the map and its errors [mm] at held-out points.
+    """Verdict on a map from the image to the plane of the strip: the map, and its
+    errors [mm] at points held out of the fit.
 
     `residual_mm` is their rms; `halves_mm` the largest difference over the work area
     between two maps from independent halves of the points; `displacement_mm` the rms
@@ -71,7 +72,8 @@ class TouchVerdict(CalibrationVerdict):
 
 @dataclass(frozen=True, slots=True)
 class CheckVerdict(CalibrationVerdict):
-    """Verdict on a calibration in use: its errors [mm] at touched points, by number.
+    """Verdict on a calibration that is already in use: its errors [mm] at newly touched
+    points, by their numbers.
 
     `median_mm` and `worst_mm` are NaN without points.
     """
@@ -83,7 +85,9 @@ class CheckVerdict(CalibrationVerdict):
     refused: ClassVar[str] = "it no longer holds"
 
     def facts(self) -> dict[str, Any]:
-        """Plain values of the verdict on a calibration in use, for --json."""
+        """Plain values of the verdict on a calibration in use, as the option `--json`
+        prints them.
+        """
         return CalibrationVerdict.facts(self) | {
             "passed": self.passed,
             "errors_mm": {
@@ -97,7 +101,9 @@ class CheckVerdict(CalibrationVerdict):
 def touch_verdict(
     touches: Sequence[TouchedPoint], lens: Lens, settings: TouchSettings
 ) -> TouchVerdict:
-    """Verdict on the map that fits `touches` through `lens`, in any order."""
+    """Verdict on the map from the image to the plane that best fits `touches`, seen
+    through `lens`.
+    """
     try:
         fit = fit_touches(touches, lens, settings)
     except ConfigurationError as error:
@@ -112,7 +118,9 @@ def touch_verdict(
 def check_verdict(
     touches: Sequence[TouchedPoint], calibration: Calibration, settings: TouchSettings
 ) -> CheckVerdict:
-    """Verdict on `calibration` from new `touches`, to which it was not fitted."""
+    """Verdict on `calibration`, which is in use, from new `touches` to which it was not
+    fitted.
+    """
     off = [
         calibration.to_plane(touch.pixel[None])[0] - touch.position for touch in touches
     ]
@@ -153,7 +161,8 @@ def check_verdict(
 
 @dataclass(frozen=True, slots=True)
 class MapVerdict(CalibrationVerdict):
-    """Verdict on map and latency [s] together, and the `calibration` made of them.
+    """Verdict on a map to the plane and on the camera's `latency` [s] together, with
+    the `calibration` made of both.
 
     `calibration` is None unless it is accepted, possibly in spite of reasons.
     """
@@ -166,12 +175,14 @@ class MapVerdict(CalibrationVerdict):
 
     @property
     def passed(self) -> bool:
-        """Whether a calibration was accepted."""
+        """Whether a calibration was made, in spite of reasons against it or without
+        any.
+        """
         return self.calibration is not None
 
     def facts(self) -> dict[str, Any]:
-        """Plain values of the verdict on map and latency, for --json and
-        verdict.yaml.
+        """Plain values of the verdict on map and latency, as the option `--json` prints
+        and the session's verdict file keeps them.
         """
         keys = ("residual_mm", "worst_mm", "halves_mm", "displacement_mm")
         errors = self.touches.errors_mm
@@ -192,8 +203,8 @@ def map_verdict(
     anyway: bool = False,
     **facts: Any,
 ) -> MapVerdict:
-    """Verdict on the map and on the latency in `steps`, with a calibration unless it is
-    refused.
+    """Verdict on the map in `touches` and on the latency measured from `steps`, with a
+    calibration unless there are reasons to refuse it.
 
     `facts` are further values of `make_calibration`. Reasons for refusal are overridden
     by `anyway`, but no calibration is made without a map.
@@ -221,8 +232,8 @@ def map_verdict(
 
 
 def _common_shift(off: Array, settings: TouchSettings) -> tuple[str, ...]:
-    """Reason for refusal where all errors `off` (n, 2) [mm] share a shift: a moved
-    camera.
+    """Text on why a calibration is refused whose errors `off` [mm], a row for each
+    point, share one shift, as after a move of the camera; empty where they do not.
     """
     shared = np.median(off, axis=0)
     apart = lengths(off - shared).max()
@@ -242,8 +253,8 @@ def _common_shift(off: Array, settings: TouchSettings) -> tuple[str, ...]:
 def _causes(
     touches: Sequence[TouchedPoint], fit: TouchFit, settings: TouchSettings
 ) -> tuple[str, ...]:
-    """Reasons for refusal that explain all other ones: a mirrored plane, or a moved
-    camera.
+    """Texts on the one cause that explains all other errors: a mirrored plane, or a
+    camera that was moved; empty where neither does.
     """
     middle = np.mean([touched.position for touched in touches], axis=0)
     triangle = middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
@@ -273,8 +284,8 @@ def _causes(
 
 
 def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
-    """Verdict on a fitted map: its errors at held-out points, rejected points, and
-    grade.
+    """Verdict on a fitted map, with its errors at points held out of the fit, the
+    rejected points, and grades.
     """
     validation = fit.validation
     held_out = np.reshape([fit.error(p) for p in validation], (-1, 2))
@@ -300,8 +311,8 @@ def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
 
 
 def _found(verdict: TouchVerdict) -> tuple[Line, ...]:
-    """Graded text lines of a touch `verdict`: how well the fitted map meets the points,
-    and which points are wild or left out.
+    """Lines of text with a grade on how well the fitted map of `verdict` meets the
+    touched points, and on points that are wild or left out.
     """
     return (
         grade_line(
@@ -333,8 +344,8 @@ def _found(verdict: TouchVerdict) -> tuple[Line, ...]:
 def _halves_mm(
     points: Sequence[TouchedPoint], lens: Lens, settings: TouchSettings
 ) -> float:
-    """Difference [mm] over the work area between maps from two random halves of the
-    points.
+    """Difference [mm], over the work area, between the two maps that are fitted to
+    random halves of `points`; NaN where there are too few of them.
     """
     if len(points) < 2 * HALF_POINTS:
         return nan
@@ -357,7 +368,9 @@ def _halves_mm(
 
 
 def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, ...]:
-    """Reasons for refusal: defects of the map's numbers."""
+    """Texts on why a map is refused because of its errors and the number of its points;
+    empty where it is good.
+    """
     rejected = "; ".join(verdict.rejected.values())
     return reasons(
         (
@@ -398,7 +411,9 @@ def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, .
 
 
 def _point_reasons(fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
-    """Reasons for refusal: defects of the touched points themselves."""
+    """Texts on why a map is refused because of the touched points: too many are wild,
+    or they cover too little of the work area.
+    """
     numbers = {p.number for p in (*fit.used, *fit.validation, *fit.outliers)}
     repeated = ", ".join(str(p.number) for p in fit.repeated_outliers)
     area = (settings.x_max - settings.x_min) * (settings.z_max - settings.z_min)
@@ -433,5 +448,5 @@ def _point_reasons(fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
 
 
 def _rms(values: Array) -> float:
-    """Root mean square of `values` (n,); NaN without any."""
+    """Root mean square of `values`; NaN where there are none."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else nan

@@ -34,7 +34,8 @@ NOT_STILL = "between two images; wait until it is still"
 
 
 class TouchedPoints:
-    """Collection of touched points, by ask and tell.
+    """Collection of points that the arm touches for a map from the image to the plane:
+    it asks for one pose after another, and is told the camera's images.
 
     The caller moves the pointer to `ask()` and passes the camera's image to `tell()`.
     After all poses, those of the map's outliers are requested once more.
@@ -50,7 +51,8 @@ class TouchedPoints:
         *,
         fitted: bool = True,
     ) -> None:
-        """Collect touches on the grid of `settings`, or at the poses of a `plan`.
+        """Collect touches on the grid that `settings` state or, where a `plan` is
+        given, at its poses.
 
         Points that are not `fitted` may be few, and each is touched once. Raises
         ConfigurationError for a plan with too few points to fit a map.
@@ -76,17 +78,21 @@ class TouchedPoints:
 
     @property
     def number(self) -> int | None:
-        """Number of the pose to touch next; None once there are enough points."""
+        """Number of the pose that is to be touched next; None once there are enough
+        points.
+        """
         return self._queue[0][0] if self._queue else None
 
     @property
     def again(self) -> bool:
-        """Whether the pose to touch next is one that disagrees with the others."""
+        """Whether the pose that is to be touched next was touched before, and disagreed
+        with the others.
+        """
         return bool(self._queue) and self._queue[0][1]
 
     def ask(self) -> Pose | None:
-        """Next pose for the pointer, to be held still; None once there are enough
-        points.
+        """Next pose in which the arm is to hold the pointer still; None once there are
+        enough points.
 
         After the planned ones, those that disagree with the others are asked once more.
         """
@@ -97,7 +103,8 @@ class TouchedPoints:
         return self.plan[self._queue[0][0]] if self._queue else None
 
     def tell(self, frame: Frame, pose: Pose) -> SessionRow:
-        """Process an image of the pointer at rest at the measured `pose`.
+        """Process an image of the pointer, which rests while the arm measures its
+        `pose`, and return what was found.
 
         After `patience` images without two that agree the point is given up. Raises
         ConfigurationError for an image of another size than the lens was calibrated
@@ -126,8 +133,8 @@ class TouchedPoints:
         return row
 
     def restore(self, row: SessionRow, image: Image) -> bool:
-        """Accept the point of a session's `row` if its `image` (h, w, 3) shows the
-        pointer.
+        """Accept again the point of a session's `row` if its `image` shows the pointer,
+        and return whether it does.
 
         Raises ConfigurationError for a row without a pose.
         """
@@ -145,8 +152,8 @@ class TouchedPoints:
         self._last = None
 
     def take_back(self) -> SessionRow | None:
-        """Remove the newest touch and request it again; returns its row, None if there
-        is none.
+        """Remove the newest touch, so that it is asked for again; returns the row to
+        note this in the session, or None where there is no touch.
         """
         if not self._touches:
             return None
@@ -157,7 +164,9 @@ class TouchedPoints:
         return SessionRow(number=number, again=again, dropped=True)
 
     def verdict(self) -> TouchVerdict:
-        """Verdict on the map from the points touched until now."""
+        """Verdict on the map from the image to the plane that fits all points touched
+        until now.
+        """
         return touch_verdict(self.touches, self.lens, self._settings)
 
     @property
@@ -178,8 +187,8 @@ class TouchedPoints:
     def progress(
         self, frame: Frame | None = None, result: SessionRow | None = None
     ) -> Progress:
-        """Message to observers: request, plan, `result` of the newest image `frame`, if
-        any.
+        """Message to observers with the next pose, the plan of poses and, where given,
+        the `result` of the newest image `frame`.
         """
         wanted = self.ask()
         plan = [
@@ -197,8 +206,8 @@ class TouchedPoints:
         )
 
     def marks(self, verdict: TouchVerdict) -> tuple[Mark, ...]:
-        """Marks of all points with their errors by the map of `verdict`, and of
-        outliers.
+        """Marks to be drawn at all touched points, with their errors by the map of
+        `verdict`; outliers are marked as wild.
         """
         marks = []
         for point in self.touches:
@@ -214,8 +223,8 @@ class TouchedPoints:
         return tuple(marks)
 
     def deviation(self, verdict: TouchVerdict, pixels: Array) -> Array:
-        """Standard deviations (k,) [m] of the verdict's map at image points `pixels`
-        (k, 2); NaN without a map.
+        """Standard deviations [m] with which the map of `verdict` is known at the image
+        points `pixels`, one for each row; NaN where it has no map.
         """
         plane_map = verdict.plane_map
         if plane_map is None:
@@ -233,8 +242,8 @@ class TouchedPoints:
         )
 
     def _error(self, point: TouchedPoint, verdict: TouchVerdict) -> Array | None:
-        """Error (2,) [px] of a point in the image by the verdict's map; None without a
-        map.
+        """Error of a point in the image [px], along both axes, by the map of `verdict`;
+        None where it has no map.
         """
         if verdict.plane_map is None:
             return None
@@ -242,8 +251,8 @@ class TouchedPoints:
         return error
 
     def _state(self, number: int) -> str:
-        """Character of a planned pose: wanted, to come, fitted, held out or touched
-        twice.
+        """Character that shows the state of the planned pose `number`: asked for now,
+        to come, fitted, held out of the fit, or touched twice.
         """
         if number == self.number:
             return ">"
@@ -266,8 +275,8 @@ class TouchedPoints:
             )
 
     def _refuse(self, centre: Array | None, position: Array) -> str | None:
-        """Reason to refuse an image that shows the pointer at `centre` [px], the arm at
-        `position`.
+        """Text on why an image is refused that shows the pointer at `centre` [px] while
+        the arm is at `position` [m]; None where there is no reason.
         """
         if centre is None:
             return "the pointer's disc is not seen exactly once; uncover it, light it"
@@ -286,8 +295,8 @@ class TouchedPoints:
         return None
 
     def _accept(self, row: SessionRow, centre: Array) -> None:
-        """Store the touch of `row`, whose image shows the pointer at `centre` (2,)
-        [px].
+        """Store the touch of the session's `row`, whose image shows the pointer's disc
+        at `centre` [px].
         """
         number = row.number
         if row.pose is None:
@@ -305,5 +314,5 @@ class TouchedPoints:
 
 
 def request_text(pose: Pose) -> str:
-    """Text on the next `pose` of the arm."""
+    """Text that asks for the next `pose` of the arm."""
     return f"the arm goes to {position_text(pose.x, pose.z)}"

@@ -60,7 +60,9 @@ class TouchSettings(Settings):
 
 
 def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
-    """Poses of the pointer over the work area, row by row, back and forth."""
+    """Poses of the pointer on a grid over the work area, row by row, alternately to the
+    right and to the left.
+    """
     xs = np.linspace(settings.x_min, settings.x_max, settings.columns).tolist()
     zs = np.linspace(settings.z_min, settings.z_max, settings.rows).tolist()
     rows = [(xs[:: -1 if row % 2 else 1], z) for row, z in enumerate(zs)]
@@ -68,8 +70,8 @@ def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
 
 
 def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
-    """Poses of the pointer that check a calibration: corners and middle of the work
-    area.
+    """Five poses of the pointer by which a calibration in use is checked: at the
+    corners and in the middle of the work area.
     """
     left = settings.x_min
     right = settings.x_max
@@ -81,8 +83,8 @@ def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
 
 
 def require_enough(plan: Sequence[Pose], settings: TouchSettings) -> None:
-    """Raise ConfigurationError for a `plan` that leaves fewer than twelve points to
-    fit.
+    """Raise ConfigurationError where the poses of `plan` leave fewer points to fit than
+    a map needs.
     """
     fitted = sum(not held_out(number, settings) for number in range(len(plan)))
     if fitted < MINIMUM_POINTS:
@@ -93,13 +95,16 @@ def require_enough(plan: Sequence[Pose], settings: TouchSettings) -> None:
 
 
 def held_out(number: int, settings: TouchSettings) -> bool:
-    """Whether the point with this `number` is held out of the fit of the map."""
+    """Whether the point with this `number` is kept out of the fit of the map, to judge
+    it by.
+    """
     return number % settings.hold_out == settings.hold_out // 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TouchedPoint:
-    """One touched point: where the arm was, and where the image showed the pointer.
+    """Point that the arm has touched: where the arm was, in metres, and where an image
+    showed the pointer, in pixels.
 
     `number` of the pose, `position` (2,) x, z [m] of the arm, `pixel` (2,) u, v of the
     disc in the raw image; `again` marks a second touch of the same pose.
@@ -114,8 +119,8 @@ class TouchedPoint:
 
 @dataclass(frozen=True, slots=True)
 class TouchFit(PlaneMap):
-    """Map to the plane fitted to the touches `used`, and the other touches sorted into
-    groups.
+    """Map from the image to the plane, fitted to the touches in `used`, with all other
+    touches sorted into groups.
 
     `validation` are held-out touches, `outliers` all outliers, `repeated_outliers`
     those of them whose second touch has the same error, `replaced` first touches that a
@@ -129,15 +134,15 @@ class TouchFit(PlaneMap):
     replaced: tuple[TouchedPoint, ...] = ()
 
     def error(self, touched: TouchedPoint) -> Array:
-        """Residual (2,) x, z [m] of a touch: position by the map minus that of the
-        arm.
+        """Error [m] of a touched point along x and z: its position by the map minus
+        that of the arm.
         """
         residual: Array = self.to_plane(touched.pixel)[0] - touched.position
         return residual
 
     def describe(self, points: Sequence[TouchedPoint]) -> dict[int, str]:
-        """Texts with position [m] and residual [px] of touched `points`, by their
-        numbers.
+        """Texts on touched `points`, by their numbers, with the position of the arm and
+        the error in the image [px].
         """
         texts = {}
         for point in sorted(points, key=lambda p: p.number):
@@ -152,8 +157,8 @@ class TouchFit(PlaneMap):
 def fit_touches(
     touches: Sequence[TouchedPoint], lens: Lens, settings: TouchSettings
 ) -> TouchFit:
-    """Fit the homography robustly to the newest touch of each pose; sort all other
-    touches.
+    """Fit a map from the image to the plane, in spite of outliers, to the newest touch
+    of each pose, and sort all other touches.
 
     Held-out poses are not fitted. The order of `touches` does not matter. Raises
     ConfigurationError where they give no map.
@@ -179,8 +184,8 @@ def _sort_others(
     newest: Sequence[TouchedPoint],
     settings: TouchSettings,
 ) -> TouchFit:
-    """Copy of `fit` that sorts its unused touches into validation points, outliers and
-    others.
+    """Copy of `fit` in which all touches that were not fitted are sorted into those
+    that judge the map, outliers and replaced ones.
 
     A second touch with the first one's error shows that the map is wrong there; one
     that is off in another way says nothing, and does not judge the map.
@@ -209,7 +214,9 @@ def _sort_others(
 def suspects(
     touches: Sequence[TouchedPoint], lens: Lens, settings: TouchSettings
 ) -> tuple[int, ...]:
-    """Numbers of the outliers of the map fitted to `touches`, to be touched again."""
+    """Numbers of the points that do not agree with the map fitted to `touches`, and
+    that should be touched again.
+    """
     try:
         fit = fit_touches(touches, lens, settings)
     except ConfigurationError:
@@ -229,8 +236,8 @@ MOVE_SIGMA = 3.8
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """Turn of the camera by `mrad` after point `after`, which shifts later ones by
-    `shift_mm`.
+    """Turn of the camera by `mrad` [mrad] after the point with the number `after`,
+    which shifts later points by `shift_mm` [mm].
     """
 
     after: int
@@ -241,8 +248,8 @@ class Move:
 def camera_move(
     touches: Sequence[TouchedPoint], lens: Lens, homography: Homography, least_mm: float
 ) -> Move | None:
-    """Move of the camera by at least `least_mm` that explains `touches` best; None
-    without any.
+    """Move of the camera, between two touches, that explains the errors of `touches`
+    best; None where none does by at least `least_mm` [mm].
 
     For each moment, a map and a shift of the image from then on are fitted robustly
     (Cauchy loss) to all touches, wild ones too. `homography` is where the fit begins.
@@ -273,8 +280,8 @@ def camera_move(
 def _fit_move(
     positions: Array, pixels: Array, moment: int, begin: Homography
 ) -> tuple[float, Array, float]:
-    """Robust fit of a map to the image and a shift of the image from touch number
-    `moment` on.
+    """Fit a map from the plane to the image, together with a shift of the image from
+    touch number `moment` on, in spite of outliers.
 
     `positions` (n, 2) [m] are those of the arm and `pixels` (n, 2) [px] undistorted.
     Returns its cost, the shift (2,) [px] and the largest sigma of the shift [px].

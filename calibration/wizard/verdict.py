@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 
 class Level(StrEnum):
-    """Grade of a line printed for the operator: good, fair, bad, or plain without a
-    grade.
+    """Grade of a line of text that is printed for the operator: good, fair, bad, or
+    plain, which is no grade.
     """
 
     GOOD = "good"
@@ -28,8 +28,8 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationVerdict:
-    """Base of a calibration's result: what was `found`, and the `reasons` to refuse it,
-    if any.
+    """Result of a calibration: lines on what was `found`, and the `reasons` to refuse
+    it, which are empty where it may be used.
 
     It is `clean` where there is nothing to improve. `good` and `refused` say what to do
     next.
@@ -58,8 +58,8 @@ class CalibrationVerdict:
         return (*self.found, *(Line(Level.BAD, reason) for reason in self.reasons), end)
 
     def facts(self) -> dict[str, Any]:
-        """Plain values of the verdict, as `--json` prints and verdict.yaml keeps
-        them.
+        """Plain values of the result, as the option `--json` prints and the session's
+        verdict file keeps them.
         """
         return {
             "lines": [line.text for line in self.lines()],
@@ -68,7 +68,9 @@ class CalibrationVerdict:
 
 
 def reasons(*facts: tuple[bool, str]) -> tuple[str, ...]:
-    """Texts of the given (condition, text) pairs whose condition is true."""
+    """Texts of those of the given pairs of a condition and a text whose condition is
+    true.
+    """
     return tuple(text for holds, text in facts if holds)
 
 
