@@ -35,8 +35,8 @@ def calibration_of(
     report: Callable[[str], None] = lambda _: None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Calibration:
-    """Load the calibration that the cell uses; on the twin, make it where there is
-    none.
+    """Load the calibration that the cell uses; where a simulated cell has none, make
+    one.
 
     That of the cell file if it names one; else, on the twin, one made with boards and
     touched points before: for the next run, or for the shipped settings, with which it
@@ -65,8 +65,8 @@ def calibration_of(
 
 @contextmanager
 def _file_lock(path: Path) -> Iterator[None]:
-    """Within the block, lock the file at `path` against other processes, where locks
-    exist.
+    """Context in which no other process holds the lock of the file at `path`, where the
+    file system has locks.
     """
     with ExitStack() as files:
         with suppress(OSError):
@@ -78,8 +78,8 @@ def _file_lock(path: Path) -> Iterator[None]:
 
 
 def calibration_file(settings: CellFile) -> Path:
-    """Path of the twin's stored calibration, unique to its settings and its
-    renderer.
+    """Path at which the calibration of a simulated cell is stored, another one for
+    other settings of its camera.
     """
     facts = settings.model_dump_json(include={"twin", "touches", "boards", "latency"})
     identity = hashlib.sha256(f"{facts}{RENDERING}".encode()).hexdigest()[:12]
@@ -87,8 +87,8 @@ def calibration_file(settings: CellFile) -> Path:
 
 
 def age_days(calibration: Calibration, now: datetime) -> float:
-    """Age [days] of `calibration` at `now`; raises ConfigurationError for an unreadable
-    date.
+    """Age of `calibration` in days at the time `now`; ConfigurationError where its date
+    cannot be read.
     """
     try:
         made = datetime.fromisoformat(calibration.date)
@@ -101,8 +101,8 @@ def age_days(calibration: Calibration, now: datetime) -> float:
 
 
 def check_camera(calibration: Calibration, devices: Devices) -> None:
-    """Raise ConfigurationError for the calibration of another camera than that of
-    `devices`.
+    """Raise ConfigurationError where `calibration` belongs to another camera than that
+    of `devices`.
     """
     if calibration.camera != devices.camera_identity:
         raise ConfigurationError(
@@ -113,8 +113,8 @@ def check_camera(calibration: Calibration, devices: Devices) -> None:
 
 
 def use_calibration(cell_file: Path, calibration: Path) -> None:
-    """Enter the path `calibration` into `cell_file`, a cell.yaml; ConfigurationError on
-    failure.
+    """Write the path of the file `calibration` into the cell file at `cell_file`;
+    ConfigurationError where that fails.
     """
     named = {"calibration": str(calibration.resolve())}
     change_file(
@@ -127,8 +127,8 @@ def use_calibration(cell_file: Path, calibration: Path) -> None:
 def check_current(
     calibration: Calibration, allowed_days: float, now: datetime, *, on_twin: bool
 ) -> None:
-    """Raise ConfigurationError, or PreflightRefused, for an implausible or expired
-    calibration.
+    """Refuse a `calibration` that is implausible, by ConfigurationError, or that on a
+    real cell is older than `allowed_days`, by PreflightRefused.
     """
     _check_plausible(calibration)
     age = age_days(calibration, now)
@@ -145,8 +145,8 @@ def check_current(
 
 
 def _check_plausible(calibration: Calibration) -> None:
-    """Raise ConfigurationError for a calibration with a value outside its plausible
-    range.
+    """Raise ConfigurationError where some value of `calibration` lies outside the range
+    that a real camera can have.
     """
     for key, value, (low, high), unit in (
         ("latency", calibration.latency, LATENCY_RANGE, "s"),
@@ -167,8 +167,8 @@ def _check_plausible(calibration: Calibration) -> None:
 
 
 def record_entry(calibration: Calibration, now: datetime) -> dict[str, Any]:
-    """Entry of run.yaml about a calibration: id, error [m], age [days], reason of an
-    override.
+    """Entry on `calibration` in the header of a run: its identity, error [m], latency
+    [s], date, age in days at the time `now`, and reasons that were overridden.
     """
     facts: dict[str, Any] = {
         "id": calibration.id,

@@ -27,8 +27,8 @@ ARROW_COLOUR = (0, 255, 255)  # BGR
 
 @dataclass(frozen=True, slots=True)
 class ViewCheck:
-    """Comparison of a `frame` with the image `pinned` (h, w, 3): the `motion` between
-    them, None where the view is not found again, in mm with a `calibration`.
+    """Comparison of a camera image, `frame`, with an earlier image, `pinned`, and the
+    `motion` of the image between them.
     """
 
     pinned: Image
@@ -38,23 +38,31 @@ class ViewCheck:
 
     @property
     def pixels(self) -> float:
-        """Largest shift [px] over the image; NaN where the view is not found again."""
+        """Largest shift between the two images [px]; NaN where the earlier view is not
+        found again.
+        """
         return nan if self.motion is None else self.motion.largest()
 
     @property
     def distance(self) -> float:
-        """Largest shift [m] in the strip's plane; NaN where it is not known."""
+        """Largest shift between the two images in the plane of the strip [m]; NaN where
+        it is not known.
+        """
         if self.motion is None or self.calibration is None:
             return nan
         return self.motion.largest_in_plane(self.calibration)
 
     @property
     def passed(self) -> bool:
-        """Whether the camera stands where it stood, within ALLOWED."""
+        """Whether the camera stands where it stood, because the images differ by no
+        more than a small shift.
+        """
         return self.pixels <= ALLOWED
 
     def sentence(self) -> str:
-        """Sentence on what was found."""
+        """Sentence for the operator on whether the camera was moved, and by
+        how much.
+        """
         if self.motion is None:
             return (
                 "the pinned view is not found again: the camera looks elsewhere, is"
@@ -67,7 +75,7 @@ class ViewCheck:
         return f"the camera {verdict}: off by {shift}, allowed {ALLOWED} px"
 
     def facts(self) -> dict[str, Any]:
-        """Facts on what was found, in SI units."""
+        """Plain values of the comparison in SI units, for JSON."""
         return {
             "passed": self.passed,
             "pixels": self.pixels,
@@ -77,8 +85,8 @@ class ViewCheck:
         }
 
     def picture(self) -> Image:
-        """Picture (h, w, 3) of the pinned view in red and the present one in cyan, grey
-        where they agree, with arrows of the motion, enlarged.
+        """Picture with the earlier view in red and the present one in cyan, grey where
+        they agree, and arrows that show the motion enlarged.
         """
         before, now = (
             cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -91,8 +99,8 @@ class ViewCheck:
 
 
 def take_view(devices: Devices) -> Frame:
-    """Image of the camera of `devices` once its exposure has settled; Fault where none
-    comes.
+    """Image that the camera of `devices` takes once its exposure has settled; Fault
+    where no image comes.
     """
     with closing(devices.camera):
         devices.camera.connect()
@@ -102,8 +110,8 @@ def take_view(devices: Devices) -> Frame:
 def check_views(
     pinned: Image | None, frames: Iterable[Frame], calibration: Calibration | None
 ) -> ViewCheck:
-    """Compare `frames` with the image `pinned` (h, w, 3), or with the first of them;
-    returns the comparison with the largest shift.
+    """Compare `frames` with the image `pinned` or, where that is None, with the first
+    of them, and return the comparison with the largest shift.
 
     With the calibration of these images only what stands near the strip's plane counts.
     Raises ConfigurationError for images of another size, or none.
@@ -116,7 +124,7 @@ def check_views(
 
 
 def every_second(frames: Iterable[Frame]) -> Iterator[Frame]:
-    """Yield of a film's `frames` one in a FILM_PERIOD."""
+    """Yield only some of a film's `frames`, about one in each second."""
     due = -inf
     for frame in frames:
         if frame.stamp >= due:
@@ -152,7 +160,9 @@ def _compare(
 
 
 def _draw_motion(picture: Image, motion: ImageMotion) -> None:
-    """Draw arrows of `motion` into `picture` (h, w, 3), at its patches and all over."""
+    """Draw arrows into `picture` that show the `motion` of an image, where it was
+    measured and on a grid all over.
+    """
     size = motion.size
     points = np.concatenate([GRID * size, motion.positions])
     times = ARROW * size[0] / max(motion.largest(), ALLOWED)

@@ -65,8 +65,8 @@ Interruption = Callable[[], bool]
 
 @dataclass(frozen=True, slots=True)
 class Wizard:
-    """Wizard that calibrates the camera among the `devices` of a cell, guiding an
-    `operator`.
+    """Guide for the calibration of the camera among the `devices` of a cell, which asks
+    an `operator` for views of a board and for touched points.
 
     `watch` is told the progress. Every method raises Interrupted when the operator
     stops it, and Fault where a monitor stops the arm or the camera delivers nothing;
@@ -81,7 +81,8 @@ class Wizard:
     interrupted: Interruption = lambda: False
 
     def calibrate_lens(self, folder: Path, length: float | None) -> LensVerdict:
-        """Fit the lens to views of the board, requested until enough are accepted.
+        """Fit the lens to views of the calibration board, asked for until enough are
+        accepted, and return the verdict on it.
 
         The session is kept in `folder`. `length` [m] is the ruler's length of the
         board's squares; on the twin they are as configured, and a session that goes on
@@ -115,8 +116,8 @@ class Wizard:
         *,
         accept_anyway: bool = False,
     ) -> MapVerdict:
-        """Touch the poses of a `plan`, by default a grid, and fit homography and
-        latency.
+        """Touch points with the arm and fit the map from the image to the strip's
+        plane, and the camera's latency, to them; returns the verdict on both.
 
         The session is stored in `folder`.
         """
@@ -145,8 +146,8 @@ class Wizard:
         return solve_homography(folder, (), folder, accept_anyway=accept_anyway)
 
     def check(self, calibration: Calibration) -> CheckVerdict:
-        """Judge a `calibration` by a few touches, which move the arm, and close the
-        devices.
+        """Judge a `calibration` that is in use by a few points that the arm touches;
+        the devices are closed afterwards.
         """
         touches = self.settings.touches
         points = TouchedPoints(
@@ -197,8 +198,8 @@ class Wizard:
         size: tuple[int, int],
         **facts: Any,
     ) -> session.SessionFolder:
-        """Begin a session of images of width and height `size` [px] in `folder`, or
-        resume its own.
+        """Begin a session of images with width and height `size` [px] in `folder`, or
+        resume the one that `folder` holds.
 
         What it has taken before is given to the `task`.
         """
@@ -217,7 +218,8 @@ class Wizard:
 
 
 def solve_lens(folder: Path, without: Collection[int], out: Path | None) -> LensVerdict:
-    """Fit the lens to the session in `folder`, `without` some images.
+    """Fit the lens to the saved images of the session in `folder`, except those whose
+    numbers are in `without`, and return the verdict on it.
 
     Boards are detected in the saved images; verdict and passed lens are written to
     `out`, if given. Raises ConfigurationError for broken files.
@@ -242,7 +244,8 @@ def solve_homography(
     *,
     accept_anyway: bool = False,
 ) -> MapVerdict:
-    """Fit homography and latency to the session in `folder`, `without` some points.
+    """Fit the map to the plane and the latency to the saved session in `folder`, except
+    the points whose numbers are in `without`; returns the verdict.
 
     The pointer is detected in the saved images; verdict and accepted calibration are
     written to `out`, if given. Raises ConfigurationError for broken files or a session
@@ -285,8 +288,8 @@ def _keep(
     marks: Iterable[Mark],
     deviation: Callable[[Array], Array] | None = None,
 ) -> None:
-    """Write `verdict` to `folder`, and a picture of the `image` (h, w, 3), if any, with
-    `marks` and lines of a `deviation` (k,) [m] at pixels (k, 2).
+    """Write `verdict` into `folder` and, unless `image` is None, a picture of it with
+    `marks` and with lines of equal accuracy.
     """
     session.write_yaml(folder / session.VERDICT_FILE, verdict.facts())
     if image is not None:
@@ -295,7 +298,8 @@ def _keep(
 
 
 def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration:
-    """Calibrate lens and homography of the twin's camera without operator or session.
+    """Calibrate lens, map and latency of a simulated cell's camera, with no operator
+    and no saved session, and return the calibration.
 
     Raises CellError when they are not good enough, Fault when a monitor stopped the
     arm, and Interrupted when the operator did.
@@ -317,8 +321,8 @@ def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration
 
 
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
-    """Fit the lens to as many board views as are needed; raises CellError for a poor
-    fit.
+    """Fit the lens of a simulated camera to as many views of the board as are needed;
+    CellError where the fit is poor.
     """
     camera = settings.twin.camera
     views = BoardViews(settings.boards, (camera.width, camera.height))
@@ -336,8 +340,8 @@ def show_board(
     watch: Observer,
     interrupted: Interruption = lambda: False,
 ) -> None:
-    """Request views of the board until enough are accepted; raises Interrupted if
-    stopped.
+    """Ask for views of the board, and tell `views` the images from `source`, until
+    enough are accepted; Interrupted where the operator stops this.
     """
     while (wanted := views.ask()) is not None:
         progress = views.progress()
@@ -359,7 +363,9 @@ def show_board(
 
 
 def live_images(devices: Devices) -> Iterator[Frame]:
-    """Yield live images of a connected camera, PERIOD apart; Fault if none comes."""
+    """Yield live images of the connected camera of `devices`, one in each fixed period;
+    Fault where none comes.
+    """
     now = devices.clock.now
     newest = -1.0
     while True:
@@ -386,15 +392,15 @@ class PosesFile(Settings):
 
 
 def read_poses(path: Path) -> tuple[Pose, ...]:
-    """Read the pose of each touch from a poses.yaml; ConfigurationError for a broken
-    file.
+    """Poses of all touches from the file at `path`, which a person may have edited;
+    ConfigurationError where it is broken.
     """
     return tuple(Pose(x, z, pitch) for x, z, pitch in load(path, PosesFile).poses)
 
 
 def session_lens(folder: Path) -> Lens:
-    """Lens of the homography session in `folder`; raises ConfigurationError where it
-    has none.
+    """Lens that the session of touches in `folder` has used; ConfigurationError where
+    it states none.
     """
     stored = session.read_session(folder, "homography")
     if stored.lens is None:
@@ -403,8 +409,8 @@ def session_lens(folder: Path) -> Lens:
 
 
 def newest_lens(folder: Path, camera: str) -> Path:
-    """Path of the newest lens file of `camera` in `folder`; raises ConfigurationError
-    if none.
+    """Path of the newest lens file of the camera named `camera` below `folder`;
+    ConfigurationError where there is none.
     """
     for path in sorted(folder.glob(f"*/{ROS}"), reverse=True):
         if f"camera_name: {camera}\n" in read_text(path):

@@ -66,8 +66,8 @@ ANSWERS = {ENTER: Answer.GO, ALONE: Answer.GO, "s": Answer.SKIP, "r": Answer.AGA
 
 
 class WizardPanel:
-    """Live view of a calibration in a terminal; without a terminal, one line for each
-    result.
+    """Live view of a calibration in a terminal; where the output is no terminal, one
+    line is printed for each result.
     """
 
     def __init__(self, console: Console) -> None:
@@ -80,21 +80,19 @@ class WizardPanel:
         self._news: Progress | None = None
 
     def __enter__(self) -> Self:
-        """Start the live view of the calibration wizard."""
+        """Start the live view in the terminal, and return this panel."""
         if self._live is not None:
             self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the wizard's live view; its last state stays visible, without a
-        question.
-        """
+        """End the live view, whose last state stays visible but for the question."""
         if self._live is not None:
             self.ask("")
             self._live.stop()
 
     def __call__(self, progress: Progress) -> None:
-        """Show the progress that the wizard reports."""
+        """Show the message `progress` of the calibration wizard."""
         answer = "" if progress.result is None else progress.result.answer
         self._news = progress
         if answer:
@@ -105,15 +103,15 @@ class WizardPanel:
         self._show(answer)
 
     def ask(self, words: str) -> None:
-        """Show the question `words` in the panel until another or an empty text
-        replaces it.
+        """Show the question `words` until another one replaces it or an empty text
+        removes it.
         """
         self._question = words
         self._show(words)
 
     def _show(self, line: str) -> None:
-        """Refresh the live view of the wizard; without a terminal, print `line`, if
-        any.
+        """Draw the live view again or, where the output is no terminal, print `line`
+        unless it is empty.
         """
         if self._live is not None:
             view = Text(line) if self._news is None else self.draw(self._news)
@@ -122,8 +120,8 @@ class WizardPanel:
             self._console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def draw(self, progress: Progress) -> RenderableType:
-        """Render the wizard's panel, no higher than the terminal, which could not
-        redraw it.
+        """Panel that shows the message `progress`, no higher than the terminal, which
+        could not redraw a higher one.
         """
         body = _points_map(progress.plan) if progress.plan else _views_table(progress)
         rows = (("next", progress.request, "bold"), ("why ", progress.why, ""))
@@ -143,8 +141,8 @@ class WizardPanel:
 
 
 def _views_table(progress: Progress) -> Table:
-    """Table of the criteria of a lens calibration, beside a sketch of the requested
-    board view.
+    """Table of the requirements on the views of a board, beside a sketch of the view
+    that is asked for.
     """
     table = Table.grid(padding=(0, 2))
     sketch = [] if progress.sketch is None else [_sketch_text(progress.sketch)]
@@ -153,8 +151,8 @@ def _views_table(progress: Progress) -> Table:
 
 
 def _sketch_text(sketch: Sketch) -> Text:
-    """Sketch of the board in the image's frame: yellow as requested, green as
-    detected.
+    """Sketch of the board in the frame of the image, in characters: yellow as it is
+    asked for, green as it is seen.
     """
     columns, rows = SKETCH
     picture = np.zeros((4 * rows, 2 * columns), np.uint8)
@@ -178,8 +176,8 @@ def _sketch_text(sketch: Sketch) -> Text:
 
 
 def _gates_table(gates: Sequence[Gate]) -> Table:
-    """Table of the criteria that board views must meet: name, bar and ratio of each
-    criterion.
+    """Table of the requirements on the views of a board, each with its name, a bar, and
+    how much of it is reached.
     """
     table = Table.grid(padding=(0, 1))
     for _ in range(3):
@@ -193,8 +191,8 @@ def _gates_table(gates: Sequence[Gate]) -> Table:
 
 
 def _points_map(plan: Sequence[tuple[float, float, str]]) -> RenderableType:
-    """Map of planned poses x, z [m], each with its state: a character that MARK_LEGEND
-    explains.
+    """Map of the planned poses, each given by x [m], z [m] and its state, which is a
+    character that a legend explains.
     """
     table = Table.grid(padding=(0, 2))
     rows = defaultdict(list)
@@ -216,8 +214,8 @@ def print_verdict(lines: Iterable[Line]) -> None:
 
 
 class Keys:
-    """Reader of keys from `stream`: single keys within `single_keys`, otherwise
-    lines.
+    """Reader of the keys that are typed at the terminal `stream`: single keys where it
+    is in that mode, else whole lines.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -225,8 +223,8 @@ class Keys:
         self._line = b""
 
     def read(self, seconds: float) -> str | None:
-        """Next typed key in lower case, ENTER, CTRL_D at the end; None if none in
-        `seconds`.
+        """Next typed key in lower case, or the constants for Enter and for the end of
+        input; None where none is typed within `seconds`.
         """
         number = self._number
         if number is None:
@@ -248,8 +246,8 @@ class Keys:
 
 @contextmanager
 def single_keys(stream: TextIO) -> Iterator[None]:
-    """Within the block, a terminal at `stream` passes on each key as soon as it is
-    typed.
+    """Context in which the terminal `stream` passes on each key as soon as it is typed,
+    not only whole lines.
     """
     number = _descriptor(stream)
     if number is None or not os.isatty(number):
@@ -264,7 +262,9 @@ def single_keys(stream: TextIO) -> Iterator[None]:
 
 
 def _descriptor(stream: TextIO) -> int | None:
-    """File descriptor of `stream`; None for text in memory."""
+    """Number of the file descriptor of `stream`; None for a stream in memory, which has
+    none.
+    """
     try:
         return stream.fileno()
     except (OSError, ValueError):
@@ -272,8 +272,8 @@ def _descriptor(stream: TextIO) -> int | None:
 
 
 class Keyboard:
-    """Operator at a terminal: Enter continues, s skips, r repeats, a continues without
-    questions.
+    """Operator at a terminal who answers by keys: Enter continues, s skips, r repeats,
+    and a continues without further questions.
 
     Questions on the pointer are asked even then: only a person knows that no hand is in
     the way. On the twin, whose time stands still, it `waits` for a key until
@@ -296,8 +296,8 @@ class Keyboard:
         self._alone = False
 
     def answer(self, question: Question) -> Answer | None:
-        """Answer by the operator's key, None until then; raises Interrupted at the end
-        of input.
+        """Answer to `question` by the key that the operator types; None where none was
+        typed yet.
         """
         if self._alone and not question.reaches:
             return Answer.GO
@@ -329,8 +329,8 @@ def wizard_at_terminal(
     session: tuple[Path, str] | None = None,
     viz: str = "off",
 ) -> Iterator[Wizard]:
-    """Within the block, a wizard for `devices` with its panel, keys and Ctrl-C at this
-    terminal.
+    """Context with a calibration wizard for `devices` that is shown and answered at
+    this terminal, and that Ctrl-C stops.
 
     On the twin its operator is asked only if `interactive`. The folder of its
     `session`, which is of that kind, is locked against another wizard, and holds
@@ -366,8 +366,8 @@ def wizard_at_terminal(
 
 
 def _recordings(stack: ExitStack, folder: Path, viz: str) -> list[Observer]:
-    """Lock a session's `folder`, and open its recording for Rerun unless `viz` is
-    off.
+    """Lock the `folder` of a session and, unless `viz` is "off", open its recording for
+    Rerun; returns the observers that write it.
     """
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -380,13 +380,15 @@ def _recordings(stack: ExitStack, folder: Path, viz: str) -> list[Observer]:
 
 
 def _tell(observers: Iterable[Observer], progress: Progress) -> None:
-    """Pass the wizard's `progress` on to all `observers`."""
+    """Pass the message `progress` of the calibration wizard on to all `observers`."""
     for observer in observers:
         observer(progress)
 
 
 def _resume_hint(folder: Path, kind: str) -> str:
-    """Text on an interrupted session: what `folder` keeps, and how to resume."""
+    """Text on an interrupted session: how many images `folder` keeps, and the command
+    that goes on with it.
+    """
     taken = sum(row.image is not None for row in read_rows(folder))
     if taken == 0:
         return f"interrupted; nothing was taken yet; {folder} may be deleted"

@@ -18,8 +18,8 @@ from drivers.franka.shapes import RISE, desk_end
 
 @dataclass(frozen=True, slots=True)
 class ArmPrediction:
-    """Predicted motion of a Franka arm in a whole fold; `clearance` [m] of hand over
-    desk, `limits` of the joints by which it was planned.
+    """Predicted motion of a Franka arm in a whole fold: what its joints do, and the
+    least `clearance` [m] of the hand over the desk.
     """
 
     reach: Reach
@@ -32,8 +32,8 @@ class ArmPrediction:
         return self.reach.allowed and self.clearance > 0
 
     def line(self) -> dict[str, Any]:
-        """JSON object of the arm's prediction, a part of `cell fold --dry-run
-        --json`.
+        """Content of the JSON object on the arm, a part of what `cell fold --dry-run
+        --json` prints.
         """
         reach = self.reach
         return {
@@ -73,7 +73,8 @@ def predict_arm(
     path: Array,
     speeds: Array,
 ) -> ArmPrediction:
-    """Predict the motion of the arm in a fold of a strip of `length` [m].
+    """Predict the motion of the arm's joints in a fold of a strip of `length` [m] along
+    the gripper's `path`.
 
     `path` (n, 3) x, z [m], pitch [rad] at `speeds` (n,) [m/s] is as of `whole_path`,
     the limits of the `installation` are those of the arm, `limits` those of its joints.

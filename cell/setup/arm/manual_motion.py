@@ -31,8 +31,8 @@ def move_manually(
     interrupted: Callable[[], bool] = lambda: False,
     strip: StripFile = NO_STRIP,
 ) -> Outcome:
-    """Open the cell, carry out one `motion`, close it; CellError for errors before the
-    motion.
+    """Open the devices of the cell, carry out one `motion` of the arm, close them, and
+    return the outcome; CellError for errors before the motion.
     """
     devices = open_cell(settings, strip, trial, calibrating=False)
     try:
@@ -51,7 +51,9 @@ def move_manually(
 
 
 def jog(x: float, z: float, pitch: float) -> Callable[[Snapshot], Motion]:
-    """Motion by `x`, `z` [m] and `pitch` [rad] from the gripper's present pose."""
+    """Motion of the gripper from its present pose by `x` and `z` [m] and by the angle
+    `pitch` [rad].
+    """
 
     def motion(snapshot: Snapshot) -> Motion:
         here = snapshot.arm.commanded
@@ -61,13 +63,15 @@ def jog(x: float, z: float, pitch: float) -> Callable[[Snapshot], Motion]:
 
 
 def to_home(settings: CellFile, strip: StripFile) -> Callable[[Snapshot], Motion]:
-    """Motion of the gripper to rest at its home, over the edge of `strip`."""
+    """Motion that brings the gripper to rest at its home, which lies above the free
+    edge of `strip`.
+    """
     return lambda _: move(Pose(strip.length, settings.installation.home_height, 0.0))
 
 
 def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
-    """Joints (7,) [rad] of a Franka arm at its home, with most margin in a fold of
-    `strip`.
+    """Seven joint angles [rad] of a Franka arm at its home, chosen so that its joints
+    stay far from their limits in a fold of `strip`.
     """
     check_drivers(settings.with_drivers("fci"))
     from cell.base.devices.fci import start_joints
@@ -78,8 +82,8 @@ def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
 
 
 def robot_task(settings: CellFile) -> "RobotAccess":
-    """Connection to the robot of the cell; ConfigurationError where cell.yaml has no
-    address.
+    """Connection to the robot of the cell; ConfigurationError where the cell file
+    states no address of a robot.
     """
     fci = settings.fci
     check_drivers(settings.with_drivers("fci"))

@@ -31,8 +31,8 @@ OFF_LINE = 0.1  # m, at least, of the third point from the line of the first two
 
 
 def touched_point(pose: Sequence[float]) -> Array:
-    """Point (3,) [m] in the base that the closed fingers of a hand at `pose` (16,)
-    touch.
+    """Point [m], in the frame of the robot's base, that the closed fingers of the hand
+    touch when the arm reports the sixteen numbers `pose`.
 
     A pose is that of the middle between the pads: the fingers reach beyond it.
     """
@@ -41,8 +41,8 @@ def touched_point(pose: Sequence[float]) -> Array:
 
 
 def mounting_from_points(points: Array, length: float) -> Mounting:
-    """Mounting of the robot, from touched `points` (3, 3) [m] at TOUCH_POINTS in its
-    base.
+    """Where the robot stands in the cell, computed from three `points` [m] in the frame
+    of its base that its fingers have touched, a row for each.
 
     Raises CellError for a strip of another `length` [m] or a desk that is not level.
     """
@@ -74,8 +74,8 @@ def mounting_from_points(points: Array, length: float) -> Mounting:
 
 
 def write_mounting(configs: Configs, mounting: Mounting) -> Path:
-    """Write `mounting` into cell.yaml, the old one as a comment at its end; returns the
-    path.
+    """Write `mounting`, which says where the robot stands, into the cell file, keep the
+    old one there as a comment, and return the file's path.
     """
     path = configs.cell_path
     change_file(path, lambda text: _with_mounting(text, mounting, path))
@@ -84,7 +84,9 @@ def write_mounting(configs: Configs, mounting: Mounting) -> Path:
 
 
 def _with_mounting(text: str, mounting: Mounting, path: Path) -> str:
-    """Text of cell.yaml with `mounting`, and the old one as a comment at its end."""
+    """Text of the cell file with the new `mounting`, and with the old one as a comment
+    at its end.
+    """
     content = parse_yaml(text, str(path))
     old = parse(content, CellFile, str(path)).installation.mounting
     installation = content.get("installation", {}) | {"mounting": mounting.model_dump()}

@@ -24,8 +24,8 @@ TIME_LIMITS = {"duration": 900.0, "state_duration": 300.0}
 def consent(
     settings: CellFile, ask: Callable[[str], str], checks: Iterable[Check]
 ) -> bool:
-    """Have the operator agree to a real robot's motion, by the cell's name, once
-    `checks` pass.
+    """Have the operator agree that a real robot moves, by typing the cell's name, once
+    all of `checks` have passed.
 
     Returns whether a real robot may move: False for another arm. Raises
     PreflightRefused where a check failed or the name was not typed.
@@ -52,8 +52,8 @@ def agree_to_slow_motion(
     checked: bool = True,
     camera: bool = False,
 ) -> tuple[CellFile, Trial]:
-    """Settings and trial of a manual motion or a calibration, after the operator's
-    consent.
+    """Settings of the cell, with slow speeds unless `full_speed`, and the operator's
+    consent, for a motion by hand or a calibration.
 
     The doctor checks a real robot first unless `checked` is false, and the `camera` if
     asked. The robot has the speeds of a first run, unless `full_speed`.
@@ -66,8 +66,8 @@ def agree_to_slow_motion(
 
 
 def await_strip(ask: Callable[[str], str]) -> None:
-    """Wait until the operator has laid the strip again; raises PreflightRefused at end
-    of input.
+    """Wait until the operator says that the strip lies flat again; raises
+    PreflightRefused where the input ends before that.
     """
     if not ask("Lay the strip again, flat and straight, then press Enter: "):
         raise PreflightRefused(
@@ -77,8 +77,8 @@ def await_strip(ask: Callable[[str], str]) -> None:
 
 
 def slow_down(settings: CellFile) -> CellFile:
-    """Settings of the cell with all speeds times FIRST_RUN_SPEED, and longer time
-    limits.
+    """Copy of the cell's settings for a first run: all speeds are a fixed fraction of
+    those before, and time limits are longer.
     """
     fold = settings.fold.model_copy(
         update={
@@ -106,8 +106,8 @@ def slow_down(settings: CellFile) -> CellFile:
 
 
 def at_speed(settings: S, speed: float | None) -> S:
-    """Copy of the cell's settings with path speed `speed` [m/s]; unchanged where it is
-    None.
+    """Copy of the cell's settings with the speed `speed` [m/s] along the path; where it
+    is None, the settings are unchanged.
 
     Raises ConfigurationError for a speed outside its limits.
     """
@@ -118,7 +118,8 @@ def at_speed(settings: S, speed: float | None) -> S:
 
 
 def limit_to_arm(settings: CellFile) -> CellFile:
-    """Cell settings limited to the arm's motion, with the start that suits the arm.
+    """Copy of the cell's settings with limits of motion that its arm can keep, and with
+    the kind of start, flat or hanging, that suits the arm.
 
     The start is `fold.start` where that is stated. If not, a run of the in-process arm
     begins flat: it follows the lift as planned, so that a model can repeat it. That of

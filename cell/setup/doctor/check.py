@@ -8,7 +8,7 @@ DETAIL = " " * 14  # before each line of a check's details
 
 
 class Grade(StrEnum):
-    """Grade of a check of `cell doctor`; a single FAIL keeps a real robot from
+    """Grade of one check by `cell doctor`, where a single FAIL keeps a real robot from
     moving.
     """
 
@@ -23,8 +23,8 @@ PASS, WARN, FAIL, SKIPPED = Grade
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Result of a check: what was `found`, `why` it matters, and a `remedy`, empty
-    where none.
+    """Result of one check of the machine or a device: what was `found`, `why` it
+    matters, and a `remedy`, which is empty where none is needed.
     """
 
     name: str
@@ -34,11 +34,15 @@ class Check:
     remedy: str = ""
 
     def line(self, number: int) -> dict[str, Any]:
-        """JSON object of the check, numbered, as `cell doctor --json` prints it."""
+        """Content of the JSON object on the check, with its `number`, that `cell doctor
+        --json` prints.
+        """
         return {"number": number, **asdict(self)}
 
     def text(self, number: int) -> str:
-        """Text of the check for the operator, with a remedy where there is one."""
+        """Text on the check for the operator, with its `number`, and with a remedy
+        unless the check has passed or was skipped.
+        """
         head = f"{number:2d}  {self.state:8s}{self.name}: {self.found}"
         if self.state in (PASS, SKIPPED):
             return head

@@ -169,7 +169,9 @@ def camera_stream(settings: CellFile) -> Check:
 
 
 def calibration(settings: CellFile, *, on_twin: bool) -> Check:
-    """Check whether the calibration exists and is plausible and recent enough."""
+    """Check whether the cell's calibration exists, is plausible and is
+    recent enough.
+    """
     calibration_days = settings.calibration_days
     why = "everything that the camera sees is measured by it"
     remedy = (
@@ -205,7 +207,8 @@ def calibration(settings: CellFile, *, on_twin: bool) -> Check:
 
 @dataclass(frozen=True, slots=True)
 class NetworkLink:
-    """Statistics of a robot's network link over `seconds`: states, losses, times [ms].
+    """Statistics of the network link to a robot, measured over `seconds`: how many of
+    its states arrived, how many were lost, and delays [ms].
 
     `in_a_row` is the most states lost in a row; `late_ms` the 99.9th percentile of the
     times between two arrivals, `worst_ms` the longest.
@@ -220,13 +223,13 @@ class NetworkLink:
 
     @property
     def lost_share(self) -> float:
-        """Share of the robot's states that did not arrive."""
+        """Fraction of the robot's states that did not arrive, from 0 to 1."""
         return self.lost / max(self.states + self.lost, 1)
 
 
 def network(address: str, seconds: float) -> Check:
-    """Check whether the states of the robot at `address` arrive in time, over
-    `seconds`.
+    """Check whether the states that the robot at `address` sends arrive in time,
+    measured over `seconds`.
     """
     try:
         return judge_link(measure_link(address, seconds))
@@ -238,7 +241,9 @@ def network(address: str, seconds: float) -> Check:
 
 
 def judge_link(link: NetworkLink) -> Check:
-    """Check whether a measured network `link` loses few states, and none for long."""
+    """Check whether few of the robot's states are lost on a measured network `link`,
+    and none arrive late.
+    """
     remedy = (
         "connect the robot to a network card of its own, without a switch; switch off"
         " power saving of processor and card; close busy programs"
@@ -259,7 +264,8 @@ def judge_link(link: NetworkLink) -> Check:
 
 
 def measure_link(address: str, seconds: float) -> NetworkLink:
-    """Measure the network link to the robot at `address`; CellError if unreachable.
+    """Measure the network link to the robot at `address` over `seconds`; CellError
+    where the robot cannot be reached.
 
     In a process of its own: reading blocks, and the client library changes the
     scheduler of the process that connects.
@@ -278,8 +284,8 @@ def measure_link(address: str, seconds: float) -> NetworkLink:
 
 
 def _read_states(pipe: Connection, address: str, seconds: float) -> None:
-    """Main function of the measuring process: read states for `seconds`, send
-    statistics.
+    """Read the robot's states for `seconds` and send statistics on them through `pipe`,
+    as the main function of a process.
     """
     import pylibfranka as franka
 
@@ -295,8 +301,8 @@ def _read_states(pipe: Connection, address: str, seconds: float) -> None:
 
 
 def link_of(times: NDArray[np.int64], arrivals: Array) -> NetworkLink:
-    """Statistics of a link from `times` (n,) [ms] of the robot's states and `arrivals`
-    (n,) [s].
+    """Statistics of a network link from the clock `times` [ms] of the robot's states
+    and their `arrivals` [s], one of each for each state.
 
     The time BUFFERED at the start does not count: what waits in a buffer arrives at
     once.

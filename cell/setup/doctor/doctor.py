@@ -23,8 +23,8 @@ def checks(
     arm: str | None = None,
     camera: str | None = None,
 ) -> Iterator[Check]:
-    """Yield the checks of a cell's software and hardware; that of the network takes
-    `seconds`.
+    """Yield all checks of a cell's software and hardware, one after the other; that of
+    the network takes `seconds`.
 
     `arm` and `camera` name drivers in place of those of cell.yaml.
     """
@@ -51,8 +51,8 @@ def checks(
 
 
 def hardware_checks(settings: CellFile, runs: Path, seconds: float) -> Iterator[Check]:
-    """Yield the checks of machine, calibration, robot, camera; the network's takes
-    `seconds`.
+    """Yield the checks of disk, cores, calibration, robot and camera; that of the
+    network takes `seconds`.
     """
     yield machine.disk(runs)
     yield machine.cores()
@@ -74,8 +74,8 @@ def hardware_checks(settings: CellFile, runs: Path, seconds: float) -> Iterator[
 
 
 def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
-    """Yield checks of library, kernel of a real arm, robot and network; the last need
-    the first.
+    """Yield the checks of the robot's library, the kernel, the robot and the network,
+    of which the last two need the library.
     """
     realtime = settings.fci.realtime
     address = settings.robot_address
@@ -102,8 +102,8 @@ def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
 
 
 def motion_checks(settings: CellFile, *, camera: bool) -> Iterator[Check]:
-    """Yield each check that a motion of a real robot by hand needs; none for another
-    arm.
+    """Yield each check that a motion of a real robot by hand needs first; none where
+    the arm is no real robot.
 
     With `camera` a real camera is checked, too.
     """
@@ -117,7 +117,9 @@ def motion_checks(settings: CellFile, *, camera: bool) -> Iterator[Check]:
 
 
 def refuse_failed(found: Iterable[Check]) -> None:
-    """Raise PreflightRefused where one of the checks `found` has failed."""
+    """Raise PreflightRefused, with the remedies, where any of the checks `found` has
+    failed.
+    """
     red = [check for check in found if check.state is FAIL]
     if red:
         lines = "\n".join(

@@ -50,7 +50,9 @@ def versions() -> Check:
 
 
 def cores() -> Check:
-    """Check whether this machine has a core for the control loop alone."""
+    """Check whether this machine has enough processor cores for the control loop to
+    have one alone.
+    """
     count = len(os.sched_getaffinity(0))
     why = (
         "the control loop, images and the recording share the cores; a late tick stops"
@@ -73,7 +75,7 @@ def _state(amount: float, needed: float, plenty: float) -> Grade:
 
 
 def _text(path: Path) -> str:
-    """Text of a file of the kernel; empty where it is not there."""
+    """Text of the file of the kernel at `path`; empty where there is no such file."""
     return path.read_text(encoding="ascii").strip() if path.exists() else ""
 
 
@@ -106,7 +108,9 @@ def disk(runs: Path) -> Check:
 
 
 def kernel(realtime: str) -> Check:
-    """Check whether the kernel supports the setting `fci.realtime`."""
+    """Check whether the kernel can keep the robot's millisecond, as the setting
+    `realtime` of the cell file asks for it.
+    """
     real = _text(REALTIME) == "1"
     found = f"{platform.release()}, {'real-time' if real else 'not real-time'}"
     why = (
@@ -121,7 +125,9 @@ def kernel(realtime: str) -> Check:
 
 
 def priority(realtime: str) -> Check:
-    """Check whether this user may have real-time priority and locked memory."""
+    """Check whether this user's processes may have real-time priority and lock memory,
+    as the setting `realtime` asks for it.
+    """
     limits = (resource.RLIMIT_RTPRIO, resource.RLIMIT_MEMLOCK)
     allowed, locked = (
         inf if os.geteuid() == 0 or most == resource.RLIM_INFINITY else most
@@ -147,8 +153,8 @@ def priority(realtime: str) -> Check:
 
 
 def throttling() -> Check:
-    """Check whether the kernel throttles real-time threads that fill a core
-    (sched(7)).
+    """Check whether the kernel holds up real-time threads that use a core
+    all the time.
     """
     share = int(_text(THROTTLE) or -1) / 1e4
     limited = 0.0 <= share < 100.0
@@ -175,7 +181,7 @@ def throttling() -> Check:
 
 
 def governor() -> Check:
-    """Check whether the kernel keeps the processor at full speed (cpufreq)."""
+    """Check whether the kernel keeps the processor's cores at full speed."""
     why = "a core that sleeps or slows down answers the robot late"
     found = set(map(_text, GOVERNORS))
     if not found:
@@ -195,8 +201,8 @@ def governor() -> Check:
 
 
 def extras() -> Check:
-    """State which optional libraries are missing; none is needed until its feature is
-    used.
+    """List the optional libraries that are missing; this check always passes, as each
+    is needed for one feature only.
     """
     lost = missing_features()
     why = "only what stands in brackets needs it, and says so"

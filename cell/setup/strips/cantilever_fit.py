@@ -41,8 +41,8 @@ COST_TOLERANCE = 1e-5  # of the cost
 
 
 class RestCurvature(StrEnum):
-    """Kinds of rest curvature: none, constant (a curl), varying along the strip (a
-    set).
+    """Kinds of curvature that a strip without load may have: none, the same everywhere
+    (a curl), or varying along the strip (a set).
     """
 
     STRAIGHT = "straight"
@@ -52,16 +52,17 @@ class RestCurvature(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RestCurvaturePrior:
-    """Prior of a strip's rest curvature: its kind, and standard deviation `spread`
-    [1/m].
+    """What is assumed of the curvature of a strip without load: its kind, and its
+    standard deviation `spread` [1/m].
     """
 
     kind: RestCurvature
     spread: float = 0.0
 
     def fields(self, overhang: float, width: float) -> Array:
-        """Basis fields (hinges, m) [1/m] of the rest curvature, with standard normal
-        coefficients.
+        """Curvatures [1/m] at the points where a strip bends, one column for each
+        unknown, whose sum, weighted by standard normal numbers, is the strip's
+        curvature without load.
 
         A curl is one constant field. A set adds one at each knot, independent of the
         others.
@@ -80,8 +81,8 @@ class RestCurvaturePrior:
 
 @dataclass(frozen=True, slots=True)
 class TrialShape:
-    """Hanging strip for one set of unknowns (p,): its residuals from the midline, their
-    slopes.
+    """Shape of a hanging strip for one set of unknowns, its distances from the
+    photographed midline, and the derivatives of these.
 
     `misses` (2 n,) from the midline, across and then along it, in sigmas, `slopes` (2
     n, p) their negative derivatives by the values.
@@ -93,8 +94,8 @@ class TrialShape:
 
 
 class MidlineProblem:
-    """Least-squares fit of a hanging strip to one photograph, with a prior of its rest
-    curvature.
+    """Least-squares problem that fits a hanging strip to the midline in one photograph,
+    with what is assumed of its curvature without load.
 
     The unknowns are ln(bending length / typical), the ledge's arc length behind the
     picture's border, the camera's roll, the angle at which the strip leaves the ledge,
@@ -117,8 +118,8 @@ class MidlineProblem:
         self._local_frames = _local_frames(photograph)
 
     def trial(self, values: Array) -> TrialShape:
-        """Compare the strip's shape for `values` (p,) with the midline; NoRest if there
-        is none.
+        """Shape of the strip for the unknowns `values`, and its distances from the
+        midline; NoRest where the strip finds no equilibrium.
         """
         measured = self.photograph
         hanging = hanging_shape(
@@ -153,8 +154,8 @@ class MidlineProblem:
         return TrialShape(hanging, misses, self._project_motion(motions))
 
     def residuals(self, values: Array) -> Array:
-        """Residuals (2 n + p,) [sigma] of midline and priors at `values` (p,); NaN
-        without rest.
+        """Distances from the midline, then deviations of the unknowns from what is
+        assumed of them, all in standard deviations, at the unknowns `values`.
         """
         try:
             misses = self.trial(values).misses
@@ -163,14 +164,14 @@ class MidlineProblem:
         return np.concatenate([misses, values * self._weights])
 
     def jacobian(self, values: Array) -> Array:
-        """Derivatives (2 n + p, p) [sigma] of the residuals by the unknowns, at
-        `values` (p,).
+        """Derivatives of the residuals by the unknowns at `values`, a row for each
+        residual and a column for each unknown.
         """
         return np.concatenate([-self.trial(values).slopes, np.diag(self._weights)])
 
     def loss(self, squares: Array) -> Array:
-        """Loss (3, 2 n + p) of squared residuals and its slopes: Huber's, quadratic for
-        priors.
+        """Loss of each squared residual and its first two derivatives, in three rows:
+        outliers of the midline count less, deviations of the unknowns in full.
         """
         is_far = squares > ROBUST**2
         is_far[-self.size :] = False  # priors
@@ -181,15 +182,17 @@ class MidlineProblem:
         return np.array([loss, weight, np.zeros_like(loss)])
 
     def precision(self, values: Array) -> Array:
-        """Inverse covariance (p, p) of the unknowns at `values` (p,)."""
+        """Inverse of the covariance of the unknowns at `values`, a square matrix with a
+        row for each unknown.
+        """
         slopes = self.jacobian(values)
         _, weight, _ = self.loss(self.residuals(values) ** 2)
         precision: Array = slopes.T @ (weight[:, None] * slopes)
         return precision
 
     def _project_motion(self, motion: Array) -> Array:
-        """Components (2 n, ...) across and along the midline of a motion (n, 2, ...),
-        in sigmas.
+        """Components of `motion`, a row of two numbers for each point of the midline,
+        across and along it, in standard deviations.
         """
         parts = np.einsum("knc,nc...->kn...", self._local_frames, motion)
         components: Array = parts.reshape(-1, *motion.shape[2:])
@@ -197,8 +200,8 @@ class MidlineProblem:
 
 
 class _Samples:
-    """Samples of a hanging strip at arc lengths `arc` (n,) [m], straight before the
-    ledge.
+    """Points of a hanging strip at the arc lengths `arc` [m]; the strip is straight
+    before the ledge over which it hangs.
     """
 
     def __init__(self, hanging: HangingStrip, arc: Array, clamp_angle: float) -> None:
@@ -216,8 +219,8 @@ class _Samples:
         self._swing = self._before * (-straight[1], straight[0])
 
     def at(self, nodes: Array) -> Array:
-        """Values (n, ...) at the samples, interpolated between values at the nodes (m,
-        ...).
+        """Values at the points, interpolated linearly from values at the nodes of the
+        hanging strip, which are the rows of `nodes`.
         """
         share = self._share.reshape(-1, *[1] * (nodes.ndim - 1))
         before = nodes[self._index]
@@ -226,14 +229,16 @@ class _Samples:
         return values
 
     def moved_by_clamp_angle(self) -> Array:
-        """Motion (n, 2) [m] per radian of the clamp angle, before the ledge too."""
+        """Motion [m] of each point per radian by which the strip turns at the ledge, a
+        row of two numbers for each.
+        """
         motion: Array = self.at(self._hanging.moved_by_clamp_angle()) + self._swing
         return motion
 
 
 def _local_frames(photograph: Photograph) -> Array:
-    """Unit normals and tangents (2, n, 2) of the midline, each divided by its sigma
-    [1/m].
+    """Normals and tangents of the photographed midline, one of each for every point,
+    divided by the standard deviation of the midline in that direction [m].
 
     Along the midline all points shift together, by the uncertainty of its tip.
     """
@@ -248,7 +253,8 @@ STRAIGHT = RestCurvaturePrior(RestCurvature.STRAIGHT)
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Fit of a hanging strip: unknowns `values` (p,) and their `covariance` (p, p).
+    """Fit of a hanging strip to one photograph: the most probable unknowns, in
+    `values`, and their `covariance`.
 
     `misses` (n,) [m] are the residuals of the midline across the curve, `evidence` the
     log of the probability of the midline under `prior` (up to a constant common to all
@@ -272,16 +278,16 @@ class Fit:
 
     @property
     def sigma(self) -> float:
-        """Standard deviation of ln(bending length), errors of ruler and tip
-        included.
+        """Standard deviation of the logarithm of the bending length, with errors of the
+        ruler and of the strip's tip.
         """
         end = np.hypot(RULER, TIP * self.photograph.width) / self.photograph.overhang
         return float(np.hypot(np.sqrt(self.covariance[LN_LENGTH, LN_LENGTH]), end))
 
     @property
     def ledge(self) -> float:
-        """Distance [m] along the strip to the ledge from the picture's border where it
-        enters.
+        """Distance [m] along the strip from the picture's border, where it enters, to
+        the ledge over which it hangs.
         """
         return float(self.values[LEDGE])
 
@@ -292,8 +298,8 @@ class Fit:
 
     @property
     def rest_curvature(self) -> Array:
-        """Rest curvature (hinges,) [1/m] of the fitted strip; positive turns its free
-        end up.
+        """Curvature [1/m] of the fitted strip without load, at each point where it
+        bends; a positive one turns its free end up.
         """
         width = self.photograph.width
         overhang = self.photograph.overhang
@@ -303,15 +309,17 @@ class Fit:
 
     @property
     def curl(self) -> tuple[float, float]:
-        """Mean rest curvature along the strip [1/m], and its standard deviation."""
+        """Mean curvature [1/m] of the strip without load, and its standard deviation
+        [1/m].
+        """
         fields = self.prior.fields(self.photograph.overhang, self.photograph.width)
         mean = np.diff(self.hanging.arc) / self.photograph.overhang @ fields
         variance = mean @ self.covariance[FIRST_FIELD:, FIRST_FIELD:] @ mean
         return float(mean @ self.values[FIRST_FIELD:]), float(np.sqrt(variance))
 
     def curve(self) -> Array:
-        """Points (n, 2) u, v [px] of the fitted strip in the picture, from the ledge to
-        the tip.
+        """Points [px] of the fitted strip in the picture, from the ledge to its tip, a
+        row of two coordinates for each.
         """
         scale = 1 - self.values[LEDGE] / self.photograph.overhang
         points = scale * self.hanging.points @ rotation(self.values[ROLL]).T
@@ -323,8 +331,8 @@ class Fit:
 def fit_photograph(
     photograph: Photograph, prior: RestCurvaturePrior, start: Fit | None = None
 ) -> Fit:
-    """Fit the most probable strip under `prior` to one photograph, starting from
-    `start`.
+    """Fit a strip to one photograph with what `prior` assumes of its curvature without
+    load, from the fit `start` or, where that is None, from a coarse one.
     """
     if start is None:
         start = _fit_straight(photograph)
@@ -339,8 +347,8 @@ def fit_photograph(
 
 
 def _fit_straight(photograph: Photograph) -> Fit:
-    """Fit a straight strip coarsely from several bending lengths; returns the best of
-    them.
+    """Coarse fit of a strip that is straight without load: the best of the fits that
+    begin at several bending lengths.
     """
     problem = MidlineProblem(
         replace(photograph, sigma=FIRST_SIGMA * photograph.sigma), STRAIGHT
@@ -355,8 +363,8 @@ def _fit_straight(photograph: Photograph) -> Fit:
 
 
 def _minimise(problem: MidlineProblem, values: Array) -> Fit:
-    """Fit from `values` (p,): the mode of the posterior, with its normal
-    approximation.
+    """Fit that begins at the unknowns `values`: the most probable ones, with a normal
+    approximation of their distribution.
     """
     bounds = np.full(problem.size, np.inf)
     bounds[LN_LENGTH] = MOST_LN_LENGTH

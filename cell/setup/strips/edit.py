@@ -34,8 +34,8 @@ def new_strip(
     colour: Sequence[int] | None,
     sources: Sequence[str],
 ) -> None:
-    """Write a new strip file at `path` with the `stated` values; None stands for an
-    assumed value.
+    """Write a new strip file at `path` with the values in `stated`, by key; where a
+    value is None, a usual one is assumed.
 
     `sources` read `key=where from`. Raises ConfigurationError for a source without its
     value.
@@ -67,8 +67,8 @@ def new_strip(
 
 
 def _text_of_new(path: Path, content: Mapping[str, Any], _: str) -> str:
-    """Text of a new strip file with `content`; ConfigurationError where `path` exists
-    already.
+    """Text of a new strip file with the given `content`; ConfigurationError where a
+    file at `path` exists already.
     """
     if path.exists():
         raise ConfigurationError(
@@ -78,8 +78,8 @@ def _text_of_new(path: Path, content: Mapping[str, Any], _: str) -> str:
 
 
 def _source(text: str) -> tuple[str, str]:
-    """Key and source of a value in a text `KEY=TEXT`; ConfigurationError for another
-    text.
+    """Key of a strip file and the source of its value, from a text `KEY=TEXT`;
+    ConfigurationError for any other text.
     """
     key, equals, source = text.partition("=")
     if not equals or key not in SOURCED or not source.strip():
@@ -90,8 +90,8 @@ def _source(text: str) -> tuple[str, str]:
 
 
 def save(measurement: Measurement, folder: Path) -> None:
-    """Write a figure of each photograph and measurement.json to `folder`;
-    ConfigurationError.
+    """Write a figure of each photograph, and all numbers of `measurement` as JSON, into
+    `folder`; ConfigurationError where that fails.
     """
     pairs = zip(measurement.bending.fits, measurement.bending.straight, strict=True)
     pictures = {
@@ -107,8 +107,8 @@ def save(measurement: Measurement, folder: Path) -> None:
 
 
 def put_into(path: Path, measurement: Measurement, today: date) -> None:
-    """Write the measured bending length and its provenance into the strip file at
-    `path`.
+    """Write the measured bending length, with a note on how it was measured, into the
+    strip file at `path`.
     """
     fits = measurement.bending.fits
     pooled = measurement.bending_length
@@ -130,7 +130,8 @@ def put_into(path: Path, measurement: Measurement, today: date) -> None:
 def _with_measured(
     path: Path, value: float, entry: Mapping[str, str], text: str
 ) -> str:
-    """Copy of a strip file's `text` with a measured `value` and its provenance `entry`.
+    """Copy of the `text` of a strip file in which the key of `entry` has the measured
+    `value`, and in which `entry` notes how it was measured.
 
     The old value goes into the note of its own entry.
     """

@@ -31,8 +31,8 @@ EXPRESSED = {"newton": FRICTION, "mjcf": FRICTION | ALONG_STRIP | POWERS}
 def export_strips(
     strips: Sequence[StripFile], kind: Simulator, out: Path, besides: Sequence[str] = ()
 ) -> dict[Path, tuple[str, ...]]:
-    """Write `strips` into the new folder `out`; returns properties that the files
-    cannot hold, those `besides` their own among them.
+    """Write `strips` as files for another simulator into the new folder `out`, and
+    return what each file cannot express, by its path.
 
     `mjcf` is a chain along +x, clamped at its fixed edge; `newton` is JSON with
     arguments of `Rod` and `ModelBuilder.add_rod`. Both state format and version. Raises
@@ -62,8 +62,8 @@ def export_strips(
 
 
 def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
-    """MJCF text of `strip` as a chain of LINKS hinges; comments name what it cannot
-    express.
+    """MJCF text, for MuJoCo, of `strip` as a chain of hinges, with comments that name
+    in `unsaid` what this cannot express.
 
     Friction of yarns and powers of joints need MuJoCo 4.
     """
@@ -94,8 +94,8 @@ def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
 
 
 def _add_hinge(body: Xml.Element, tendons: Xml.Element, lumps: Lumps, i: int) -> None:
-    """Add hinge number `i` of the chain to `body`, and the friction of its yarns to
-    `tendons`.
+    """Add the hinge with the number `i` of the chain `lumps` to the element `body`, and
+    the friction of its yarns to `tendons`.
     """
     hinges = lumps.hinges
     names = ("stiffness", "cubic", "damping", "quadratic", "presliding")
@@ -114,8 +114,8 @@ def _add_hinge(body: Xml.Element, tendons: Xml.Element, lumps: Lumps, i: int) ->
 
 
 def _newton(strip: StripFile, unsaid: tuple[str, ...]) -> str:
-    """JSON text of the arguments of Newton's rod for `strip`, means where they vary
-    along it.
+    """JSON text for the simulator Newton with the arguments of a rod like `strip`,
+    means where a property varies along it; it lists in `unsaid` what it lacks.
 
     With `builder` a ModelBuilder of Newton 1.8, `builder.add_rod(rod=Rod(**rod),
     cfg=builder.ShapeConfig(**shape), **add_rod)` adds it. The clamp holds the first of

@@ -18,8 +18,8 @@ SEEN_COLOUR, FITTED_COLOUR, STRAIGHT_COLOUR = "#19c8c8", ORANGE, BLUE
 
 
 def fit_figure(fitted: Fit, straight: Fit) -> bytes:
-    """Render the photograph with midline and fitted strips, and their residuals, as PNG
-    bytes.
+    """Figure, as the content of a PNG file, of the photograph with its midline and the
+    fitted strips, and of the distances between them.
     """
     with canvas(10.5, 8.0) as figure:
         left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0))
@@ -39,8 +39,8 @@ def fit_figure(fitted: Fit, straight: Fit) -> bytes:
 
 
 def _title(fitted: Fit, straight: Fit) -> str:
-    """Title of the figure: photograph, bending length, and that for a strip straight at
-    rest.
+    """Title of the figure: the photograph, the fitted bending length, and the one for a
+    strip that is straight without load.
     """
     photograph = fitted.photograph
     text = (
@@ -54,8 +54,8 @@ def _title(fitted: Fit, straight: Fit) -> str:
 
 
 def _draw_photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
-    """Draw the photograph with the midline, the fitted strip and the one straight at
-    rest.
+    """Draw the photograph into `axes`, with the midline, the fitted strip, and the
+    fitted one that is straight without load.
     """
     photograph = fitted.photograph
     image = photograph.image
@@ -83,8 +83,8 @@ def _draw_photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
 
 
 def _zoom_to_ledge(axes: Any, fitted: Fit) -> None:
-    """Limit `axes` to the bend: the first stretch of the strip, `BEND` bending lengths
-    long.
+    """Limit `axes` to the first stretch of the strip behind the ledge, where it bends
+    most.
     """
     photograph = fitted.photograph
     reach = min(BEND * fitted.bending_length, photograph.overhang) / photograph.pixel
@@ -94,7 +94,9 @@ def _zoom_to_ledge(axes: Any, fitted: Fit) -> None:
 
 
 def _draw_residuals(axes: Any, fitted: Fit, straight: Fit) -> None:
-    """Draw the distances of the midline from both fits along the strip."""
+    """Draw the distances of the photographed midline from both fitted strips into
+    `axes`, over the arc length.
+    """
     arc = 1e3 * fitted.photograph.arc
     if straight is not fitted:
         axes.plot(

@@ -33,8 +33,8 @@ Fits = tuple[Fit, ...]
 
 @dataclass(frozen=True, slots=True)
 class Pooled:
-    """Mean `value` of several measurements, its 95 % interval [`low`, `high`], their
-    `scatter`.
+    """Mean `value` of several measurements, with its 95 % interval from `low` to
+    `high`, and by how much the measurements scatter.
 
     `scatter` is the standard deviation beyond their own; `agreement` the probability of
     at least this scatter if the measurements' own sigmas were all.
@@ -48,7 +48,8 @@ class Pooled:
 
 
 def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
-    """Random-effects mean of `values` (n,) with standard deviations `sigmas` (n,).
+    """Mean of `values` with the standard deviations `sigmas`, where the values may
+    scatter by more than these say.
 
     Scatter by Paule and Mandel, interval by Hartung and Knapp, never narrower than the
     sigmas alone make it.
@@ -74,7 +75,8 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
 
 
 def _excess_squares(y: Array, variance: Array, scatter: float) -> float:
-    """Weighted sum of squares of `y` (n,) about its mean, less its expectation n - 1.
+    """Weighted sum of squares of the values `y` about their mean, minus the value that
+    is expected of it, which is their number minus one.
 
     Weights are the inverse of `variance` (n,) plus the variance `scatter` between
     measurements.
@@ -85,8 +87,8 @@ def _excess_squares(y: Array, variance: Array, scatter: float) -> float:
 
 
 def _scatter(y: Array, variance: Array) -> float:
-    """Variance between measurements at which the sum of squares is as expected
-    (Paule-Mandel).
+    """Variance between the values `y`, beyond their own `variance`, at which their sum
+    of squares is as large as expected; zero where it is no larger without.
     """
     if len(y) < 2 or _excess_squares(y, variance, scatter=0.0) <= 0:
         return 0.0
@@ -112,12 +114,16 @@ class Bending:
 
     @property
     def prior(self) -> RestCurvaturePrior:
-        """Prior of the rest curvature, the same for all photographs."""
+        """What was assumed of the strip's curvature without load, the same for all
+        photographs.
+        """
         return self.fits[0].prior
 
     @property
     def curl(self) -> Pooled:
-        """Uniform part of the rest curvature [1/m], pooled over the photographs."""
+        """Mean over the photographs of the strip's uniform curvature without load
+        [1/m], with its interval.
+        """
         if self.prior.kind is RestCurvature.STRAIGHT:
             return Pooled(value=0.0, low=0.0, high=0.0, scatter=0.0, agreement=1.0)
         values, sigmas = zip(*(fitted.curl for fitted in self.fits), strict=True)
@@ -125,8 +131,8 @@ class Bending:
 
 
 def _measure_bending(photographs: Sequence[Photograph]) -> Bending:
-    """Fit the bending length to all photographs, with a common prior of the rest
-    curvature.
+    """Fit the bending length to all photographs, with one assumption for all on the
+    strip's curvature without load: the one that explains them best.
     """
     straight = tuple(fit_photograph(photograph, STRAIGHT) for photograph in photographs)
     fits = straight
@@ -148,14 +154,16 @@ def _measure_bending(photographs: Sequence[Photograph]) -> Bending:
 
 
 def evidence(fits: Sequence[Fit]) -> float:
-    """Log probability of all midlines under their common prior of the rest
-    curvature.
+    """Logarithm of the probability of all photographed midlines under what their `fits`
+    assume of the curvature without load.
     """
     return sum(fitted.evidence for fitted in fits)
 
 
 def _pool_lengths(fits: Sequence[Fit]) -> Pooled:
-    """Pooled bending length [m] of the `fits`, averaged by logarithms."""
+    """Mean bending length [m] of the `fits`, averaged by logarithms, with
+    its interval.
+    """
     logs = pool(
         [float(np.log(f.bending_length)) for f in fits], [f.sigma for f in fits]
     )
@@ -166,8 +174,8 @@ def _pool_lengths(fits: Sequence[Fit]) -> Pooled:
 def _best_fits(
     photographs: Sequence[Photograph], start: Fits, kind: RestCurvature
 ) -> Fits:
-    """Fits of the photographs at the spread of rest curvature with the largest
-    evidence.
+    """Fits of the photographs that assume a curvature without load of this `kind`, at
+    the standard deviation that explains them best.
     """
     candidates: list[Fits] = []
     for spread in REST_CURVATURES:
@@ -191,8 +199,8 @@ def _best_fits(
 def _fit_all(
     photographs: Sequence[Photograph], prior: RestCurvaturePrior, starts: Fits
 ) -> Fits:
-    """Fits of the photographs under one `prior`, each from the fit of the same one in
-    `starts`.
+    """Fits of the photographs under one `prior`, each of which begins from the fit in
+    `starts` at the same index.
     """
     pairs = zip(photographs, starts, strict=True)
     return tuple(
@@ -233,11 +241,13 @@ class Measurement:
 
     @property
     def value(self) -> float:
-        """Bending length [m] of the strip, rounded to the precision of a strip file."""
+        """Bending length [m] of the strip, rounded to the digits that a strip file
+        keeps.
+        """
         return float(f"{self.bending_length.value:.{KEPT_DIGITS}g}")
 
     def line(self) -> dict[str, Any]:
-        """JSON object of the measurement, lengths in m."""
+        """Content of a JSON object on the measurement, with lengths in metres."""
         bending = self.bending
         return {
             "strip": self.strip,
@@ -303,8 +313,8 @@ def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
 
 
 def _require_hanging_strip(fitted: Fit) -> None:
-    """Raise ConfigurationError for a photograph whose fit shows no strip over a
-    ledge.
+    """Raise ConfigurationError where the fit to a photograph shows that it has no strip
+    that hangs over a ledge.
     """
     overhang = fitted.photograph.overhang
     misfit = fitted.rms > LARGEST_MISFIT * overhang
@@ -318,7 +328,9 @@ def _require_hanging_strip(fitted: Fit) -> None:
 
 
 def _require_plausible_length(fitted: Fit) -> None:
-    """Raise ConfigurationError for a fitted bending length that no fabric has."""
+    """Raise ConfigurationError where the fitted bending length is one that no fabric
+    has.
+    """
     if not SHORTEST_BENDING_LENGTH <= fitted.bending_length <= LONGEST_BENDING_LENGTH:
         raise ConfigurationError(
             f"{fitted.photograph.path}: a bending length of"
@@ -330,8 +342,8 @@ def _require_plausible_length(fitted: Fit) -> None:
 
 
 def _curvature_warning(bending: Bending) -> str:
-    """Warning about a strip that is curved at rest; empty where no curvature is
-    visible.
+    """Text that warns of a strip that is curved without load; empty where no such
+    curvature is visible.
     """
     misfit = max(fit.rms / fit.photograph.width for fit in bending.straight)
     if bending.prior.kind is RestCurvature.STRAIGHT or misfit < VISIBLE:
@@ -375,8 +387,8 @@ def _scatter_warning(bending: Bending) -> str:
 
 
 def _overhang_warning(bending: Bending) -> str:
-    """Warning about strips that bend too sharply or too little to be measured; else
-    empty.
+    """Text that warns of strips that bend too sharply or too little to be measured
+    well; empty where none does.
     """
     length = bending.bending_length.value
     sharp: list[str] = []
@@ -404,7 +416,9 @@ def _overhang_warning(bending: Bending) -> str:
 
 
 def _width_warning(bending: Bending) -> str:
-    """Warning about a strip that appears much wider in one overhang than in another."""
+    """Text that warns of a strip that looks much wider in one photograph than in
+    another; empty where it does not.
+    """
     photographs = sorted(
         (fit.photograph for fit in bending.fits), key=attrgetter("width")
     )
@@ -420,7 +434,9 @@ def _width_warning(bending: Bending) -> str:
 
 
 def _uncertainty_warning(bending: Bending) -> str:
-    """Warning about a wide confidence interval of the bending length; else empty."""
+    """Text that warns of a bending length that is known only within a wide interval;
+    empty where the interval is narrow.
+    """
     half = 0.5 * np.log(bending.bending_length.high / bending.bending_length.low)
     if half < LARGEST_UNCERTAINTY:
         return ""

@@ -41,8 +41,8 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Midline:
-    """Midline of an object in an image: `points` (n, 2) u, v [px]; `width` [px] of the
-    object.
+    """Midline of an object in an image, as points from the left border on, a row of two
+    coordinates [px] for each, and the `width` [px] of the object.
     """
 
     points: Array
@@ -55,7 +55,7 @@ class Midline:
 
 
 def extract_midline(image: Image, count: int = 200) -> Midline:
-    """Trace the midline of the object at the left border of `image` (h, w, 3) by
+    """Midline of the bright object that enters at the left border of `image`, as
     `count` points.
 
     Points are at equal steps from the border to the tip; fluff, specks and background
@@ -79,13 +79,15 @@ def extract_midline(image: Image, count: int = 200) -> Midline:
 
 
 def _brightness(image: Image) -> Image:
-    """Brightness (h, w) of an image (h, w) or (h, w, 3): its strongest channel."""
+    """Brightness of each pixel of an image, which is that of its strongest colour
+    channel.
+    """
     return cast(Image, image.max(axis=2) if image.ndim == 3 else image)
 
 
 def _find_object(grey: Image) -> tuple[Mask, float]:
-    """Mask (h, w) of the bright region at the left border, without threads, and its
-    width [px].
+    """Mask of the bright region at the left border of the image `grey`, without
+    threads, and the region's width [px].
     """
     smooth = cv2.medianBlur(grey, 5)
     _, bright = cv2.threshold(smooth, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
@@ -108,8 +110,8 @@ def _find_object(grey: Image) -> tuple[Mask, float]:
 
 
 def _width(bright: Image) -> float:
-    """Width [px] of the objects in a mask (h, w): twice their depth along the
-    middle.
+    """Typical width [px] of the objects in a mask: twice their depth along
+    the middle.
     """
     depth = cv2.distanceTransform(bright, cv2.DIST_L2, 5)
     ridge = depth[(depth > 1) & (depth >= cv2.dilate(depth, np.ones((3, 3))))]
@@ -119,8 +121,8 @@ def _width(bright: Image) -> float:
 
 
 def _geodesic_distance(mask: Mask) -> Array:
-    """Distance (h, w) [px] inside the mask from its entry at the left border, inf
-    outside.
+    """Distance [px] of each pixel inside the mask from its entry at the left border,
+    along paths that stay inside; infinity outside.
     """
     count = int(mask.sum())
     index = np.full(np.add(mask.shape, 2), -1)  # with a border that is outside
@@ -145,8 +147,8 @@ def _geodesic_distance(mask: Mask) -> Array:
 
 
 def _level_centres(mask: Mask, distance: Array, step: float) -> Array:
-    """Centroids (n, 2), u and v [px], of bands of the mask, each `step` [px] of
-    `distance` wide.
+    """Centres [px] of the bands into which the mask is cut at every `step` [px] of
+    `distance`, a row of two coordinates for each.
     """
     reached = mask & np.isfinite(distance)
     v, u = np.nonzero(reached)
@@ -157,14 +159,16 @@ def _level_centres(mask: Mask, distance: Array, step: float) -> Array:
 
 
 def _smooth(points: Array, reach: int) -> Array:
-    """Moving average of points (n, 2) over 2 reach + 1 of them; the end points stay."""
+    """Moving average of `points`, a row for each, over `reach` neighbours on either
+    side; the end points stay where they are.
+    """
     mirrored = np.pad(points, ((reach, reach), (0, 0)), "reflect", reflect_type="odd")
     return moving_average(mirrored, 2 * reach + 1)
 
 
 def _centre(grey: Image, points: Array, width: float) -> Array:
-    """Shift points (n, 2) along their normals to the centroid of brightness across the
-    object.
+    """Copy of `points` [px], each shifted across the object to the centroid of the
+    brightness in `grey` there.
     """
     normal = left_normals(unit(np.gradient(_smooth(points, reach=3), axis=0)))
 
@@ -183,8 +187,8 @@ def _centre(grey: Image, points: Array, width: float) -> Array:
 
 
 def _to_ends(mask: Mask, points: Array, width: float) -> Array:
-    """Extend a midline (n, 2) to the left border, and in a straight line to the
-    object's tip.
+    """Copy of a midline of `points` [px], extended to the left border, and in a
+    straight line to the object's tip.
     """
     entry = np.array([0.0, np.flatnonzero(mask[:, 0]).mean()])
     is_clear = np.hypot(*(points - entry).T) > 0.8 * width
@@ -220,8 +224,8 @@ END_SIGMA = 4.0  # times less
 
 @dataclass(frozen=True, slots=True)
 class Photograph:
-    """Midline of a hanging strip: `points` (n, 2) [m] at arc lengths `arc` (n,) [m] to
-    the tip.
+    """Midline of a strip that hangs over a ledge in one photograph: points [m], their
+    arc lengths `arc` [m], and their standard deviations.
 
     At a scale of `pixel` [m], as if the picture's border were the ledge. `sigma` (n,)
     [m] across the midline, `width` of the strip [m], `overhang` [m].
@@ -245,8 +249,8 @@ class Photograph:
 def read_photographs(
     paths: Sequence[Path], overhangs: Sequence[float]
 ) -> list[Photograph]:
-    """Read pictures at `paths`, with overhangs [m]; ConfigurationError for an unfit
-    picture.
+    """Read the pictures at `paths` of strips that hang over a ledge by the lengths
+    `overhangs` [m]; ConfigurationError for an unfit one.
     """
     if not paths:
         raise ConfigurationError(
@@ -271,8 +275,8 @@ def read_photographs(
 
 
 def read_photograph(path: Path, overhang: float) -> Photograph:
-    """Read the picture at `path` of a strip with `overhang` [m]; ConfigurationError if
-    unfit.
+    """Read the picture at `path` of a strip that hangs over a ledge by the length
+    `overhang` [m]; ConfigurationError for an unfit one.
     """
     image = read_picture(path)
     midline = _trace_midline(path, image)
@@ -299,8 +303,8 @@ def read_photograph(path: Path, overhang: float) -> Photograph:
 
 
 def _trace_midline(path: Path, image: Image) -> Midline:
-    """Midline of a bright, or else of a dark strip; of two failures the first is
-    reported.
+    """Midline of the strip in `image`, be it bright or else dark; ConfigurationError,
+    with the reason for a bright one, where there is neither.
     """
     reasons = []
     for bright_strip in (image, cv2.bitwise_not(image)):
@@ -312,8 +316,8 @@ def _trace_midline(path: Path, image: Image) -> Midline:
 
 
 def _trace_bright(image: Image) -> Midline:
-    """Midline of a bright strip from the left border; ConfigurationError for a thick
-    object.
+    """Midline of a bright strip that enters `image` at its left border;
+    ConfigurationError where the object is too thick for a strip.
     """
     rough = extract_midline(image, ROUGH_POINTS)
     if rough.width < THICKEST_SHARE * rough.length:
@@ -325,7 +329,9 @@ def _trace_bright(image: Image) -> Midline:
 
 
 def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
-    """Mean traced points (n, 2) [px] around each of the arc lengths `arc` (n,) [px]."""
+    """Mean of the traced points [px] around each of the arc lengths `arc` [px], a row
+    of two coordinates for each.
+    """
     reach = 0.5 * (arc[1] - arc[0])
     begin = np.clip(arc - reach, 0.0, travel[-1])
     end = np.clip(arc + reach, 0.0, travel[-1])
@@ -340,8 +346,8 @@ def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
 
 
 def _roughness(points: Array) -> float:
-    """Robust deviation [px] of midline `points` (n, 2) [px] from parabolas through
-    neighbours.
+    """Standard deviation [px] of the midline `points` [px] from parabolas through their
+    neighbours, hardly affected by outliers.
     """
     window = 2 * SMOOTHING_POINTS + 1
     inner = slice(SMOOTHING_POINTS, -SMOOTHING_POINTS)
