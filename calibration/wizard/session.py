@@ -215,10 +215,9 @@ def restore(
     task: Task, folder: Path, session: SessionFile, without: Collection[int] = ()
 ) -> Image | None:
     """Tell `task` again the accepted images of the session in `folder`, except those
-    whose numbers are in `without`; returns the last image, or None.
+    whose numbers are in `without`; returns the last image, or None where there is none.
 
-    Returns the last of these images (height, width, 3). Raises ConfigurationError for a
-    broken file or an image that shows nothing.
+    Raises ConfigurationError for a broken file or an image that shows nothing.
     """
     image = None
     for row, image in _taken_images(folder, session, without):
