@@ -29,8 +29,8 @@ LARGEST_VALUE = 1e9  # nothing of a cell is as large in any unit
 
 
 class PhysicalQuantity(NamedTuple):
-    """Quantity of a column: its units with their factors to SI, the SI unit first;
-    `largest` size.
+    """What a column of a run's table holds: its allowed units with their factors to SI,
+    the SI unit first, and the largest size that is plausible.
 
     A column that is not `needed` may be missing, one that is `whole` holds no NaN where
     it is.
@@ -63,31 +63,37 @@ Share = Annotated[Array, PhysicalQuantity(COUNTS, whole=False)]
 
 
 class Columns:
-    """Base class of the checked columns of a run's table, as arrays (n,)."""
+    """Base class of a table of a run: each attribute is one checked column, an array
+    with a number for each row.
+    """
 
     __slots__: tuple[str, ...] = ()
 
     @classmethod
     def none(cls) -> Self:
-        """Table columns without any rows."""
+        """Table without any rows, which has all columns of its class."""
         return cls(**{name: frozen([]) for name in quantities(cls)})
 
     @classmethod
     def parse(cls, table: pa.Table, origin: str) -> Self:
-        """Check `table` and return its columns; ConfigurationError names `origin` and
-        column.
+        """Columns of `table`, checked; ConfigurationError, which names `origin` and the
+        column, where one is missing or not plausible.
         """
         return cls(**cls.read(table, origin))
 
     def table(self) -> pa.Table:
-        """Arrow table of the columns, which `pyarrow.table` and Polars take as well."""
+        """The columns as an Arrow table, which other libraries for tables can read as
+        well.
+        """
         columns = {name: getattr(self, name) for name in self.__slots__}
         rows = max(map(len, columns.values()))
         full = {name: values for name, values in columns.items() if len(values) == rows}
         return pa.table({name: pa.array(values) for name, values in full.items()})
 
     def frame(self) -> Any:
-        """Data frame of the columns where pandas is installed, else an Arrow table."""
+        """The columns as a data frame where pandas is installed, else as an Arrow
+        table.
+        """
         return as_frame(self.table())
 
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
@@ -95,8 +101,8 @@ class Columns:
 
     @classmethod
     def read(cls, table: pa.Table, origin: str) -> dict[str, Array]:
-        """Checked columns (n,) of `table` by name, NaN for an optional one that is
-        missing.
+        """Checked columns of `table` by name, each an array with a number for each row;
+        one that is optional and missing holds NaN.
 
         Raises ConfigurationError that names `origin` and the column.
         """
@@ -113,12 +119,16 @@ class Columns:
 
 
 def as_frame(table: pa.Table) -> Any:
-    """Data frame of `table` where pandas is installed, else the table itself."""
+    """Data frame with the content of `table` where pandas is installed, else the Arrow
+    table itself.
+    """
     return table if find_spec("pandas") is None else table.to_pandas()
 
 
 def quantities(columns: type[Columns]) -> Mapping[str, PhysicalQuantity]:
-    """Quantity of each column of numbers by its name, in order."""
+    """What each column of numbers in the class `columns` holds, by the column's name
+    and in the order of the columns.
+    """
     hints = get_type_hints(columns, include_extras=True)
     return {
         n: hint.__metadata__[0]
@@ -153,8 +163,8 @@ class Ticks(Columns):
 
     @classmethod
     def parse(cls, table: pa.Table, origin: str) -> Self:
-        """Check `table`, return its ticks; ConfigurationError names `origin` and the
-        column.
+        """Rows of the gripper's motion from `table`, checked; ConfigurationError names
+        `origin` and the column that is wrong.
         """
         values = cls.read(table, origin)
         check_order(values["t"], origin)
@@ -164,15 +174,17 @@ class Ticks(Columns):
         return cls(**values, state=tuple(str(name) for name in state))
 
     def contacts(self) -> tuple[Array, Array]:
-        """Times (k,) [s] and places x (k,) [m] of the contacts; the row's time if
-        unstamped.
+        """Times [s] and places along x [m] of the measured points where the strip
+        leaves the desk, an array of each.
         """
         seen = np.isfinite(self.contact_x)
         stamps = np.where(np.isfinite(self.contact_t), self.contact_t, self.t)
         return frozen(stamps[seen]), frozen(self.contact_x[seen])
 
     def pose_at(self, stamp: float) -> Pose:
-        """Gripper pose at `stamp` [s], interpolated between ticks."""
+        """Pose of the gripper at the time `stamp` [s], interpolated between
+        the rows.
+        """
         poses = np.stack([self.x, self.z, self.pitch], axis=1)
         return Pose.from_array(interpolate_columns(stamp, self.t, poses))
 
@@ -190,8 +202,8 @@ class Profile(Columns):
 
     @classmethod
     def parse(cls, table: pa.Table, origin: str) -> Self:
-        """Check `table`, return its profile; ConfigurationError names `origin` and the
-        column.
+        """Points of measured midlines from `table`, checked; ConfigurationError names
+        `origin` and the column that is wrong.
         """
         for name in ("x", "z"):
             _check_median(_numbers(table, name, origin), name, origin)
@@ -200,8 +212,8 @@ class Profile(Columns):
         return cls(**values)
 
     def curves(self) -> list[tuple[float, Array]]:
-        """Strip midlines in order of time, each as stamp [s] and points (m, 2) x, z
-        [m].
+        """Midlines of the strip in order of time, each as a pair of its time [s] and an
+        array of points with a row of x and z [m] for each.
         """
         points = np.stack([self.x, self.z], axis=1)
         # rows at which an image begins, and the end: a difference to NaN counts as
@@ -234,8 +246,8 @@ class Sights(Columns):
 
 
 def _numbers(table: pa.Table, name: str, origin: str) -> Array:
-    """Column `name` as numbers (n,); ConfigurationError where it is missing or not
-    numeric.
+    """Column `name` of `table` as an array of numbers; ConfigurationError, which names
+    `origin`, where it is missing or holds no numbers.
     """
     if name not in table.column_names:
         raise ConfigurationError(f"{origin}: {name}: the column is missing; add it")
@@ -257,7 +269,9 @@ def _numbers(table: pa.Table, name: str, origin: str) -> Array:
 
 
 def _check_finite(values: Array, name: str, origin: str) -> None:
-    """Raise ConfigurationError where a value of the column `name` is not finite."""
+    """Raise ConfigurationError where one of `values` in the column `name` is infinite
+    or NaN.
+    """
     wrong = np.flatnonzero(~np.isfinite(values))
     if wrong.size:
         raise ConfigurationError(
@@ -267,8 +281,8 @@ def _check_finite(values: Array, name: str, origin: str) -> None:
 
 
 def check_order(t: Array, origin: str, strictly: bool = True) -> None:
-    """Raise ConfigurationError where times `t` (n,) [s] decrease, or stay if
-    `strictly`.
+    """Raise ConfigurationError where successive times `t` [s] decrease or, if
+    `strictly`, where two of them are equal.
     """
     steps = np.diff(t)
     wrong = np.flatnonzero(steps <= 0 if strictly else steps < 0)
@@ -294,8 +308,8 @@ def check_order(t: Array, origin: str, strictly: bool = True) -> None:
 
 
 def was_set_back(t: Array) -> bool:
-    """Whether the clock of rows at times `t` (n,) was set back, so that sorting would
-    weave two moments into one.
+    """Whether the times `t` of rows show that their clock was set back, so that sorting
+    the rows would mix different moments.
 
     Sorting is right where rows or whole pieces only changed places: then few that lay
     apart become neighbours.
@@ -306,8 +320,8 @@ def was_set_back(t: Array) -> bool:
 
 
 def _check_median(values: Array, name: str, origin: str) -> None:
-    """Raise ConfigurationError for lengths in a wrong unit, by their median, robust to
-    outliers.
+    """Raise ConfigurationError where the median size of `values`, lengths of the column
+    `name`, is so large that their unit must be wrong.
     """
     middle = np.median(np.abs(values)) if values.size else 0.0
     if middle > FARTHEST_HAND:
@@ -320,8 +334,8 @@ def _check_median(values: Array, name: str, origin: str) -> None:
 def _check_range(
     values: Array, name: str, origin: str, quantity: PhysicalQuantity
 ) -> None:
-    """Raise ConfigurationError where a value exceeds the largest one of its
-    `quantity`.
+    """Raise ConfigurationError where one of `values` in the column `name` is larger
+    than its `quantity` can be.
     """
     largest = np.max(np.abs(values[~np.isnan(values)]), initial=0.0)
     unit = next(iter(quantity.units))

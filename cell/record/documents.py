@@ -18,7 +18,8 @@ from drivers.base.yaml_text import dump_yaml, parse_yaml
 
 
 def plain(value: object) -> Any:
-    """Convert `value` to text, numbers, lists, mappings; TypeError for other objects.
+    """Copy of `value` made of text, numbers, lists and mappings alone, as JSON and YAML
+    can hold it; TypeError where that is impossible.
 
     A number that is not finite becomes None.
     """
@@ -32,12 +33,16 @@ def _plain_array(value: Any) -> Any:
 
 
 def write_document(path: Path, content: Mapping[str, Any]) -> None:
-    """Write `content` as YAML to `path` atomically; it is on disk on return."""
+    """Write `content` as YAML to the file at `path`, which is replaced at once and is
+    on the disk when this returns.
+    """
     replace_file(path, encoded(dump_yaml(plain(content))))
 
 
 def json_line(content: Mapping[str, Any]) -> bytes:
-    """Encode `content` as one line of JSON."""
+    """Bytes of one line of JSON that holds `content`, with the line break
+    at its end.
+    """
     text = json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": "))
     return encoded(text) + b"\n"
 
@@ -55,8 +60,8 @@ def annotate(
     remove: Iterable[str] = (),
     text: str | None = None,
 ) -> str:
-    """Add tags to the run in the folder `run` and remove others; `text` becomes its
-    note.
+    """Add tags to the notes on the run in the folder `run`, remove others, and set the
+    note to `text` unless that is None; returns all tags.
 
     Returns the tags, separated by spaces. Raises ConfigurationError, and changes
     nothing, where the notes cannot be read or written.
@@ -69,8 +74,8 @@ def annotate(
 def _annotated(
     path: Path, add: set[str], remove: set[str], note: str | None, text: str
 ) -> str:
-    """Copy of the notes' `text` with tags added and removed, and another `note` if
-    given.
+    """Copy of the `text` of a run's notes with tags added and removed, and with another
+    `note` unless that is None.
     """
     content = parse_yaml(text, str(path)) if text else {}
     notes = parse(content, Notes, str(path))

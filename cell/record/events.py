@@ -32,7 +32,9 @@ retardation time [s] and yield curvature [1/m] with their intervals.
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Event of a run at `t` [s]: its `kind` and its `facts`."""
+    """Event of a run, such as a change of state, at the time `t` [s]: its `kind`, and
+    `facts` about it by name.
+    """
 
     t: float
     kind: str
@@ -40,8 +42,8 @@ class Event:
 
 
 def read_events(folder: Path) -> tuple[Event, ...]:
-    """Events of the run in `folder` in the order of writing, `t` on the cell's
-    clock.
+    """Events of the run in `folder`, in the order in which they were written, with
+    times [s] on the clock of the cell.
     """
     lines = read_json_lines(folder / EVENTS)
     return tuple(
@@ -53,7 +55,7 @@ def read_events(folder: Path) -> tuple[Event, ...]:
 
 
 def log_text(kind: str, facts: Mapping[str, Any]) -> str:
-    """One line of text on an event of this `kind` with these `facts`, for a log."""
+    """Line of text for a log on an event of the given `kind` with the given `facts`."""
     if set(facts) == {"state", "event"}:
         return f"{facts['state']}, after {facts['event']}"
     text = ", ".join([kind, *(f"{key} {value}" for key, value in facts.items())])
@@ -61,12 +63,15 @@ def log_text(kind: str, facts: Mapping[str, Any]) -> str:
 
 
 def origin_of(events: Iterable[Event]) -> float:
-    """Time [s] of the cell's clock at t = 0 of the run; 0 where no event states it."""
+    """Time [s], on the clock of the cell, at which the time of the run is zero; 0 where
+    none of `events` states it.
+    """
     return next((event.t for event in events if event.kind == ORIGIN), 0.0)
 
 
 def lift_time(folder: Path) -> float:
-    """Time [s] from the start of the streams in `folder` to t = 0 of the run.
+    """Time [s] from the first recorded row of the run in `folder` to the moment at
+    which the time of the run is zero.
 
     0 for a run that starts flat; infinite for one that ended before it hung still.
     """
@@ -75,8 +80,8 @@ def lift_time(folder: Path) -> float:
 
 
 class Outlook(NamedTuple):
-    """Policy's predictions during a fold: `rows` (k, len(COLUMN_NAMES)) at times `t`
-    (k,) [s].
+    """What a policy predicted during a fold: a row of predicted values and their bounds
+    for each of the times `t` [s].
     """
 
     t: Array
@@ -84,8 +89,8 @@ class Outlook(NamedTuple):
 
     @classmethod
     def from_events(cls, events: Iterable[Event]) -> Self:
-        """Collect the policy's predictions in `events`; NaN for values that cannot be
-        read.
+        """Predictions of a policy that are recorded in `events`; a value that cannot be
+        read is NaN.
         """
         stated = sorted(
             (e for e in events if e.kind == PREDICTED), key=lambda event: event.t
@@ -96,14 +101,16 @@ class Outlook(NamedTuple):
         )
 
     def band(self, name: str) -> Array:
-        """Predicted values of the quantity `name` and their bounds (3, k)."""
+        """Predictions of the quantity called `name`, in three rows: the values, their
+        lower bounds, and their upper bounds.
+        """
         place = COLUMN_NAMES.index(name)
         return self.rows[:, place : place + 3].T
 
 
 def row_of(facts: Mapping[str, object]) -> Array:
-    """Values (k,) of one prediction, one for each of the k COLUMN_NAMES, from its
-    event's facts.
+    """Values of one prediction and their bounds, from the `facts` of its event, in the
+    order of the columns of an Outlook.
     """
     displacement, sigma = (
         _number(facts.get(name)) for name in ("displacement", "sigma")
@@ -117,9 +124,7 @@ def row_of(facts: Mapping[str, object]) -> Array:
 
 
 def _number(value: object, otherwise: float = nan) -> float:
-    """`value` as a float, or `otherwise` where it is no number or exceeds
-    LARGEST_VALUE.
-    """
+    """Number `value` as a float, or `otherwise` where it is no number or too large."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return otherwise
     return float(value) if abs(value) <= LARGEST_VALUE else otherwise

@@ -25,15 +25,15 @@ Keep = Literal["all", "key", "none"]  # which images of a run are kept
 
 
 def is_run(folder: Path) -> bool:
-    """Whether `folder` holds a run, complete or not; False where it cannot be looked
-    into.
+    """Whether `folder` holds a run, be it complete or not; False where the folder
+    cannot be read.
     """
     return os.path.isfile(folder / RUN)  # noqa: PTH113  which raises nothing
 
 
 def runs_in(folder: Path) -> list[Path]:
-    """Run folders at or in `folder`, sorted by name; empty for a folder without
-    runs.
+    """The folder itself if it holds a run, or else the run folders directly in it,
+    sorted by name; empty where there are none.
     """
     if is_run(folder):
         return [folder]
@@ -41,15 +41,15 @@ def runs_in(folder: Path) -> list[Path]:
 
 
 def runs_below(folder: Path) -> list[Path]:
-    """Run folders in `folder` and in the folders in it that are no runs, sorted by
-    path.
+    """Run folders in `folder`, and in those of its subfolders that are no runs
+    themselves, sorted by path.
     """
     return [run for entry in sorted(folder.iterdir()) for run in runs_in(entry)]
 
 
 def run_folder(text: str) -> Path:
-    """Folder of the run that `text` names: by its path, by the end of its name, or as
-    `last`.
+    """Folder of the run that `text` names, by its path, by the end of its name, or by
+    the word `last`.
 
     The latter two are looked for in each folder here and below ./runs, the newest of
     several is meant; what is not found there stays a path.
@@ -67,8 +67,8 @@ def run_folder(text: str) -> Path:
 
 
 def check_run(folder: Path) -> None:
-    """Raise ConfigurationError where `folder` is no run; the error suggests one
-    inside.
+    """Raise ConfigurationError where `folder` holds no run; the message suggests a run
+    inside it, if there is one.
     """
     if is_run(folder):
         return
@@ -89,8 +89,8 @@ def check_run(folder: Path) -> None:
 
 
 def is_under_way(folder: Path) -> bool:
-    """Whether a living process is writing the run in `folder`, by its lock on the
-    events' file.
+    """Whether a living process is still writing the run in `folder`, which its lock on
+    a file there shows.
     """
     if not (folder / EVENTS).is_file():  # a pipe would be waited for
         return False

@@ -52,8 +52,8 @@ class Film:
     def frames(
         self, after: float = 0.0, only: Collection[int] | None = None
     ) -> Iterator[Frame]:
-        """Yield the images (h, w, 3) of the film with stamps [s], 0 for the first
-        image, or those with a number in `only`.
+        """Yield the images of the film with their times [s], which count from the first
+        image; `only` limits them to images with these numbers.
 
         They begin with one at or shortly before `after` [s], in a film whose own stamps
         begin at 0. Raises ConfigurationError for a file that is missing or no film.
@@ -83,8 +83,8 @@ class Film:
                 )
 
     def packets(self) -> Iterator[bytes]:
-        """Yield encoded images of an H.264 film, Annex B; ConfigurationError for
-        others.
+        """Yield the encoded images of an H.264 film as bytes in the Annex B format;
+        ConfigurationError for any other film.
         """
         import av
 
@@ -97,8 +97,8 @@ class Film:
 
 @contextmanager
 def _open_film(path: Path) -> Iterator[Any]:
-    """Context with the container of the film at `path`; ConfigurationError for another
-    file.
+    """Context with the opened film at `path`; ConfigurationError where there is no such
+    film.
     """
     import av
 
@@ -117,8 +117,8 @@ def _open_film(path: Path) -> Iterator[Any]:
 
 
 def _longest_track(container: Any) -> Any:
-    """Picture track of a film that holds most images: others are its cover or a
-    preview.
+    """Video track of an opened film that holds most images, as others may be a cover or
+    a preview.
     """
     tracks = container.streams.video
     if len(tracks) == 1:
@@ -129,7 +129,7 @@ def _longest_track(container: Any) -> Any:
 
 
 def _upright(picture: Any, path: Path) -> Image:
-    """Image (h, w, 3) of a decoded `picture`, turned as the film's display matrix says.
+    """Pixels of a decoded `picture`, turned upright as the film says.
 
     Raises ConfigurationError for a turn that is no multiple of 90 deg.
     """
@@ -145,7 +145,9 @@ def _upright(picture: Any, path: Path) -> Image:
 
 
 def _stamp(picture: Any, path: Path) -> float:
-    """Stamp [s] of a decoded `picture`; raises ConfigurationError where it has none."""
+    """Time [s] of a decoded `picture` in its film; ConfigurationError where it has
+    none.
+    """
     if picture.pts is None or picture.time_base is None:
         raise ConfigurationError(
             f"{path}: its images carry no time; write it again with a program that"
@@ -155,15 +157,15 @@ def _stamp(picture: Any, path: Path) -> float:
 
 
 class FilmWriter(AbstractContextManager["FilmWriter"]):
-    """Writer of images of one size to a video file, of which a kill loses the last
-    image only.
+    """Writer of images of equal size to a video file; where its process is killed, at
+    most the last image is lost.
 
     The film has no B-frames; a stamp is kept to 1/90,000 s.
     """
 
     def __init__(self, path: Path, encoder: str = ENCODER) -> None:
-        """Create the film at `path` (.mkv or .mp4), encoded by FFmpeg's encoder
-        `encoder`.
+        """Create the film at `path`, which ends in .mkv or .mp4, to be encoded by the
+        encoder of FFmpeg called `encoder`.
         """
         import av
 
@@ -177,8 +179,8 @@ class FilmWriter(AbstractContextManager["FilmWriter"]):
         self._stream: Any = None
 
     def add(self, stamp: float, image: Image) -> None:
-        """Add an `image` (h, w, 3) of even sides, with `stamp` [s] later than the last
-        one.
+        """Add an `image`, with even width and height, at the time `stamp` [s], which
+        must be later than that of the image before.
         """
         import av
         import cv2
@@ -194,7 +196,9 @@ class FilmWriter(AbstractContextManager["FilmWriter"]):
         self._container.mux(self._stream.encode(picture))
 
     def __exit__(self, *_: object) -> None:
-        """Flush the video encoder, close the film's file and index it."""
+        """Write what the encoder still holds, and close the film so that players can
+        seek in it.
+        """
         if self._stream is not None:
             self._container.mux(self._stream.encode(None))
         self._container.close()
@@ -202,7 +206,9 @@ class FilmWriter(AbstractContextManager["FilmWriter"]):
             _index_film(self._path)
 
     def _open_stream(self, image: Image) -> Any:
-        """Open the film's stream for images of the size of `image`."""
+        """Open the video track of the film for images of the size of `image`, and
+        return it.
+        """
         options = {"g": str(KEYFRAME_INTERVAL), **QUALITY.get(self._encoder, {})}
         stream = self._container.add_stream(self._encoder, rate=30, options=options)
         stream.height, stream.width = image.shape[:2]
@@ -215,8 +221,8 @@ class FilmWriter(AbstractContextManager["FilmWriter"]):
 
 
 def _index_film(path: Path) -> None:
-    """Index the .mp4 at `path`, so that players can seek; ConfigurationError for
-    another file.
+    """Write an index into the .mp4 film at `path`, so that players can seek; a film of
+    another kind stays as it is.
     """
     import av
 
@@ -233,8 +239,8 @@ def _index_film(path: Path) -> None:
 
 
 class RunFilm:
-    """Film of a run's images, at most one per PERIOD; `failure` says why it breaks off,
-    if it does.
+    """Film of the images of a run, with at most one image in each fixed period;
+    `failure` says why it breaks off, if it does.
 
     Beside a control loop on the wall clock its encoder has a process of its own: a
     thread that lost its core while it held the interpreter would hold up the loop.
@@ -253,8 +259,8 @@ class RunFilm:
             )
 
     def put(self, stamp: float, image: Image) -> int | None:
-        """Add `image` (h, w, 3) at `stamp` [s]; returns its number, None where it is
-        left out.
+        """Add `image`, taken at `stamp` [s], and return its number in the film; None
+        where it is left out.
         """
         if self.failure or stamp < self._next_stamp:
             return None
@@ -267,14 +273,14 @@ class RunFilm:
         return number
 
     def close(self) -> None:
-        """Complete the film."""
+        """Complete the film; an error only sets `failure`."""
         with self._unless_it_fails(), self._film:
             pass
 
     @contextmanager
     def _unless_it_fails(self) -> Iterator[None]:
-        """Suppress an error in the block; the first one is the reason why the film
-        breaks off.
+        """Context that suppresses an error within it, and keeps the first one as the
+        reason why the film breaks off.
         """
         try:
             yield
@@ -283,13 +289,13 @@ class RunFilm:
 
 
 class FilmProcess(AbstractContextManager["FilmProcess"]):
-    """Writer of a video file in a process of its own, which completes it if this
-    process dies.
+    """Writer of a video file in a process of its own, which completes the film even
+    where the process that uses it dies.
     """
 
     def __init__(self, path: Path, encoder: str) -> None:
-        """Start the film's encoder process; ChildDied if it cannot open the film at
-        `path`.
+        """Start the process that encodes the film at `path`; ChildDied where it cannot
+        open the film.
         """
         self._image = SharedImage()
         self._child = Child(encode, path, encoder, self._image)
@@ -300,17 +306,15 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
             raise
 
     def add(self, stamp: float, image: Image) -> None:
-        """Add `image` (h, w, 3) at a later `stamp` [s]; ChildDied, OSError where it
-        broke off.
+        """Add `image` with the time `stamp` [s], later than that of the image before;
+        ChildDied or OSError where the film broke off.
         """
         self._image.write(image)
         self._child.send((stamp, image.shape))
         self._await_answer()
 
     def __exit__(self, *_: object) -> None:
-        """Wait until the film is complete; raises ChildDied or OSError where it broke
-        off.
-        """
+        """Wait until the film is complete; ChildDied or OSError where it broke off."""
         try:
             self._child.send(None)  # no image follows
             self._await_answer()
@@ -318,13 +322,15 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
             self._close()
 
     def _close(self) -> None:
-        """End the film's encoder process and release the shared image."""
+        """End the encoding process, and release the memory that it shares with this
+        one.
+        """
         self._child.close(ENCODER_TIMEOUT)
         self._image.close()
 
     def _await_answer(self) -> None:
-        """Wait for an answer of the process; ChildDied where it ended, OSError where it
-        stalled.
+        """Wait for the answer of the encoding process; ChildDied where it has ended,
+        OSError where it hangs.
         """
         if self._child.receive(ENCODER_TIMEOUT) is None:
             self._child.kill()
@@ -332,8 +338,8 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
 
 
 def encode(pipe: Connection, path: Path, encoder: str, image: SharedImage) -> None:
-    """Main function of the encoder's process: encode the shared image of each message
-    in `pipe`.
+    """Encode the image in shared memory for each message in `pipe`, as the main
+    function of the encoding process.
 
     A message is its stamp [s] and shape (h, w, 3), or None for the end of the film. The
     answer is True once the film is open, has the image, and is complete.

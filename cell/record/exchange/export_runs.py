@@ -18,8 +18,8 @@ Format = Literal["csv", "lerobot", "mcap"]
 
 
 def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path, ...]:
-    """Write the runs at or in `folders` into the new folder `out`; returns files or
-    folders.
+    """Write the runs at or in `folders` in the format `kind` into the new folder `out`,
+    and return the paths of the files or folders made.
 
     All is written, or nothing. Raises ConfigurationError for runs that cannot be read
     or do not go together, an `out` that is there already, or a library that is missing.
@@ -42,8 +42,8 @@ def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path,
 
 
 def _write(runs: Sequence[Run], kind: Format, out: Path) -> tuple[Path, ...]:
-    """Write `runs` in the format `kind` into the folder `out`; returns the files or
-    folders.
+    """Write `runs` in the format `kind` into the folder `out`, and return the paths of
+    the files or folders made.
     """
     if kind == "mcap":
         from cell.record.exchange.mcap_file import write_mcap

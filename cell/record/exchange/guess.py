@@ -66,8 +66,8 @@ BY_NAME, BY_CLOCK = "its name", "the clock of the gripper"
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """Guess at unit and zero of a foreign `column` with `values` (n,), and the `reason`
-    for it.
+    """Guess of what a `column` of another program's table holds: its unit and the place
+    of its zero, with the `reason` for it.
 
     A `unit` or `offset` [SI] of None is open: it cannot be told.
     """
@@ -80,8 +80,8 @@ class Guess:
     reason: str = BY_NAME
 
     def si(self) -> Array:
-        """Values (n,) in SI units and axes of the cell frame; NaN where unit or zero
-        are open.
+        """Values of the column in SI units and along the axes of the cell; NaN where
+        its unit or its zero cannot be told.
         """
         if self.unit is None or self.offset is None:
             return np.full(len(self.values), np.nan)
@@ -89,8 +89,8 @@ class Guess:
         return sign * (self.values * FACTORS.get(self.unit, 1.0) - self.offset)
 
     def line(self, quantity: str) -> str:
-        """Line of the mapping file for `quantity`, with a remark on how sure the guess
-        is.
+        """Line of a mapping file that says which column holds the named `quantity`,
+        with a remark on how sure the guess is.
         """
         reason = self.reason
         stated: dict[str, object] = {"column": self.column, "unit": self.unit}
@@ -112,8 +112,8 @@ Section = tuple[str | None, Guesses]  # of a mapping: its table's file and colum
 
 
 def guess_mapping(paths: Sequence[Path], strip: StripFile | None) -> str:
-    """Text of a mapping for folds of `strip`, guessed from the first in `paths`, with
-    remarks.
+    """Text of a mapping file for the import of folds of `strip`, guessed from the first
+    run in `paths`, with remarks.
 
     Without a strip its name and the zero of x stay open, and so do columns of the
     gripper that no name tells.
@@ -152,7 +152,9 @@ def guess_mapping(paths: Sequence[Path], strip: StripFile | None) -> str:
 def _seen_sections(
     tables: Mapping[str, Guesses], gripper: Guesses
 ) -> dict[str, Section]:
-    """Sections of what was seen, each from the first of `tables` with its columns."""
+    """Sections of a mapping on what cameras saw of the strip, each from the first of
+    `tables` that has all of its columns.
+    """
     sections = dict[str, Section]()
     for section, names in SEEN.items():
         for file, table in tables.items():
@@ -163,8 +165,8 @@ def _seen_sections(
 
 
 def _lines(sections: Mapping[str, Section], strip: StripFile | None) -> Iterator[str]:
-    """Lines of the mapping file: header, then each section with its file and
-    columns.
+    """Lines of a mapping file for folds of `strip`: a header, then each of `sections`
+    with its file and its columns.
     """
     ticks = sections["ticks"][1]
     turn = float(np.ptp(ticks["pitch"].si())) if "pitch" in ticks else np.inf
@@ -192,7 +194,7 @@ def _lines(sections: Mapping[str, Section], strip: StripFile | None) -> Iterator
 def _not_taken(
     read: Mapping[str, pa.Table], taken: Mapping[str | None, Guesses]
 ) -> Iterator[str]:
-    """Remarks on the columns of each file that the proposed mapping leaves out."""
+    """Yield remarks on the columns of each file that the guessed mapping leaves out."""
     for file, content in read.items():
         stated = [guess.column for guess in taken.get(file, {}).values()]
         used = {name.replace("*", axis) for name in stated for axis in "xyzw"}
@@ -214,8 +216,8 @@ def _not_taken(
 
 
 def _columns(content: pa.Table) -> dict[str, Guess]:
-    """Guesses at the numeric columns whose names tell a quantity; ISO times become
-    seconds.
+    """Guesses at what the numeric columns of a table hold, by quantity, for all columns
+    whose names tell a quantity.
     """
     found: dict[str, Guess] = {}
     names = [
@@ -252,8 +254,8 @@ def _words(name: str) -> list[str]:
 
 
 def _quantity(words: Sequence[str]) -> str:
-    """Quantity that a column holds by the `words` of its name; empty where they do not
-    say.
+    """Quantity that a column holds, such as `pitch`, by the `words` of its name; empty
+    where they do not tell one.
     """
     found = next(
         (key for key, known in WORDS.items() if {*words} & {*known.split()}), ""
@@ -263,8 +265,8 @@ def _quantity(words: Sequence[str]) -> str:
 
 
 def _guess_gripper(columns: Guesses, strip: StripFile | None) -> Guesses:
-    """Guesses of the gripper's columns, with units and zeros that suit a fold of
-    `strip`.
+    """Guesses at the columns of the gripper's motion, with units and zeros such that
+    they suit a fold of `strip`.
 
     The strip lies flat or hangs at first, which the pitch tells, and is lifted.
     """
@@ -283,8 +285,8 @@ def _guess_gripper(columns: Guesses, strip: StripFile | None) -> Guesses:
 
 
 def _with_unit(guess: Guess, quantity: str, typical: float) -> Guess:
-    """Copy of a guess with a unit, by the column's name or by its `typical` size [SI]
-    in a fold.
+    """Copy of `guess` with a unit, by the name of its column or by the size that its
+    `quantity` typically has in a fold, `typical` in SI units.
 
     That is the step of the clock, the path of a place from its start, or the largest
     value.
@@ -310,8 +312,8 @@ def _with_unit(guess: Guess, quantity: str, typical: float) -> Guess:
 def _with_zero(
     guess: Guess, quantity: str, strip: StripFile | None, *, hangs: bool
 ) -> Guess:
-    """Copy of a guess of pitch, x or z with zero and sign, by the typical start and end
-    of a fold.
+    """Copy of `guess` for the pitch, x or z of the gripper, with the zero and the sign
+    that suit how a fold starts and ends.
 
     The zero is kept where the column begins as it must, and open where it cannot be
     told.
@@ -339,18 +341,18 @@ def _with_zero(
 
 
 def _length(strip: StripFile | None) -> float:
-    """Length [m] of `strip`, or a typical one where it is not stated."""
+    """Length [m] of `strip`, or a typical length where the strip is None."""
     return STRIP if strip is None else strip.length
 
 
 def _largest_move(values: Array) -> float:
-    """Largest change, with its sign, of `values` (n,) from the first."""
+    """Largest change of `values` from the first of them, with its sign."""
     return float((values - values[0])[np.argmax(np.abs(values - values[0]))])
 
 
 def _on_clock(times: Guess, gripper: Guesses) -> Guess:
-    """Copy of a guess of times, with the unit by which they fit the gripper's times, if
-    any.
+    """Copy of the guess `times` with the unit in which these lie within the gripper's
+    times; that unit is None where none fits.
     """
     (begin, end), middle = gripper["t"].si()[[0, -1]], np.nanmedian(times.values)
     near = (u for u, factor in TIMES.items() if begin - 1 <= middle * factor <= end + 1)
@@ -358,8 +360,8 @@ def _on_clock(times: Guess, gripper: Guesses) -> Guess:
 
 
 def _guess_seen(columns: Guesses, gripper: Guesses, names: Sequence[str]) -> Guesses:
-    """Guesses of which table columns hold the desk contact or layer touch, the `names`,
-    by the gripper's clock and zero point.
+    """Guesses at the columns, called `names`, of what cameras saw of the desk contact
+    or the touch of the layers, on the gripper's clock and zero.
 
     Their lengths are part of the gripper's way.
     """
@@ -374,8 +376,8 @@ def _guess_seen(columns: Guesses, gripper: Guesses, names: Sequence[str]) -> Gue
 
 
 def _guess_points(columns: Guesses, gripper: Guesses) -> Guesses:
-    """Guesses of the strip's point columns, with times and a grasped point that suit
-    the gripper.
+    """Guesses at the columns of points on the strip, with units and zeros such that the
+    grasped end lies at the gripper.
 
     Their zeros are those of the gripper's columns, or the cell's; a unit that does not
     fit is open.
@@ -397,7 +399,9 @@ def _guess_points(columns: Guesses, gripper: Guesses) -> Guesses:
 
 
 def _alone(columns: Guesses, strip: StripFile | None) -> Guesses:
-    """Guesses of the strip's point columns where no table holds the gripper's path."""
+    """Guesses at the columns of points on the strip where no table holds the gripper's
+    motion.
+    """
     length = _length(strip)
     sizes = {"t": TYPICAL["t"], "x": length, "z": TYPICAL["z"] * length}
     found = {name: _with_unit(columns[name], name, sizes[name]) for name in sizes}
@@ -405,7 +409,8 @@ def _alone(columns: Guesses, strip: StripFile | None) -> Guesses:
 
 
 def _grasp_distance(points: Guesses, gripper: Guesses) -> float:
-    """Median over all images of the distance [m] from the gripper to its nearest point.
+    """Distance [m] from the gripper to the nearest point of the strip, as a median over
+    all images; infinity where a unit or zero is open.
 
     Infinite where a unit or zero is open.
     """

@@ -77,8 +77,8 @@ def import_runs(
     length: LengthOf | None = None,
     tell: Callable[[str], object] = str,
 ) -> tuple[Path, ...]:
-    """Import the runs in `paths`, in that order; returns their new folders below
-    `out`.
+    """Import the runs of other programs in `paths`, in this order, and return the new
+    folders below `out` that hold them.
 
     A place is a folder of tables, a folder of such folders, a table, an MCAP file, or a
     LeRobot data set; what `cell export` wrote brings its own mapping. All runs are
@@ -129,8 +129,8 @@ def import_runs(
 
 
 def _in_words_of_source(text: str, source: Source, how: AnyMapping, run: Path) -> str:
-    """The `text` of an error in the new `run`, with the files of the `source` for those
-    of it.
+    """The `text` of an error about the new folder `run`, with the names of its files
+    replaced by those of the `source` that they come from.
     """
     for file, table in how.tables.items():
         mapped = ", as mapped" if file == SIGNALS else ""
@@ -139,8 +139,8 @@ def _in_words_of_source(text: str, source: Source, how: AnyMapping, run: Path) -
 
 
 def _move_all(scratch: Path, made: Sequence[Path], out: Path) -> tuple[Path, ...]:
-    """Move the runs `made` from `scratch` to the folder `out`, all or none; returns
-    their folders there.
+    """Move the folders `made` from the folder `scratch` into `out`, all of them or
+    none, and return their new paths.
 
     The rest of a move that is killed is found by its mark, COMPLETE.
     """
@@ -162,8 +162,8 @@ def _move_all(scratch: Path, made: Sequence[Path], out: Path) -> tuple[Path, ...
 
 
 def _complete_killed(out: Path) -> Iterator[Path]:
-    """Move to `out` what imports into it left that were killed amid their last move;
-    yields these runs.
+    """Move runs to the folder `out` whose import was killed after the runs were whole
+    but before all of them were moved, and yield their new paths.
     """
     with lock_folders([out]):
         for mark in [*out.glob(f".*.part/{COMPLETE}")]:
@@ -177,8 +177,8 @@ def _complete_killed(out: Path) -> Iterator[Path]:
 def _remedy(
     source: Source, how: AnyMapping, check: Check, run: Path, length: LengthOf | None
 ) -> str:
-    """Text of the first change of a fold's mapping that mends its `run`, else of what
-    to try.
+    """Text of the first change of the mapping that makes the imported fold `run`
+    plausible, or else of what to try; empty where there is no advice.
     """
     if not isinstance(how, MappingFile):
         return ""
@@ -212,8 +212,8 @@ def _remedy(
 def _changes(
     source: Source, how: MappingFile, length: LengthOf | None
 ) -> Iterator[tuple[Content, tuple[str, ...]]]:
-    """Changes of axis, unit, zero to try, each with its quantities; an empty one swaps
-    x and z.
+    """Yield changes of a mapping that may mend it, such as another unit or sign, each
+    with the names of the columns that it changes.
     """
     x, z, pitch = ("x", "contact_x"), ("z",), ("pitch",)
     positions = (x, z, (*x, *z))
@@ -239,8 +239,8 @@ def _changes(
 def _with_change(
     how: MappingFile, change: Content, quantities: Sequence[str], tables: Sequence[str]
 ) -> tuple[Content, list[tuple[str, str]]]:
-    """Mapping with the `change` in columns of `tables`, and each changed quantity and
-    its table.
+    """Copy of the mapping `how` with `change` made in the named columns of `tables`,
+    and a list of the columns that it concerns.
     """
     content = how.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
     changed = []
@@ -260,8 +260,8 @@ def _with_change(
 def _zeros(
     source: Source, how: MappingFile, name: TickColumn, start: float
 ) -> list[Content]:
-    """Mapping changes that let x or z (`name`) start at `start` [m], axis reversed or
-    not.
+    """Two changes of a mapping that let the gripper's x or z, whichever `name` says,
+    begin at `start` [m]: one with its axis reversed, one without.
     """
     column = how.ticks.columns[name]
     first = float(read_columns(source, how.ticks)[name][0])
@@ -277,7 +277,8 @@ def _zeros(
 def sources_in(
     path: Path, mapping: Path | None = None, files: Collection[str] = ()
 ) -> Iterator[Source]:
-    """Sources of runs in `path`; none for the mapping file itself.
+    """Yield the runs of other programs that lie at or in `path`, whatever their format;
+    none for the mapping file itself.
 
     `files` are those that the mapping reads, if known. Raises ConfigurationError for
     what holds none.
@@ -303,8 +304,8 @@ def sources_in(
 
 
 def _recording(path: Path, parts: Sequence[Path]) -> Source:
-    """Source in the MCAP file at `path`, or in the `parts` of the rosbag2 folder
-    there.
+    """Run in the MCAP file at `path`, or in the MCAP files `parts` of the ROS 2
+    recording whose folder `path` is.
     """
     require_library("mcap")
     from cell.record.exchange.mcap_file import McapFile
@@ -318,7 +319,8 @@ def _recording(path: Path, parts: Sequence[Path]) -> Source:
 
 
 def _sources_in_folder(place: Path, files: Collection[str]) -> Iterator[Source]:
-    """Sources of the folders in `place` that hold tables, or of `place` with its own.
+    """Yield the runs in the folders below `place` that hold tables, or the one run
+    whose tables lie in `place` itself.
 
     Tables beside such folders are passed over with a remark, unless the mapping reads
     `files` of their names, or nothing is known of these.
@@ -347,8 +349,8 @@ def _holds_tables(folder: Path) -> bool:
 
 
 def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
-    """The mapping that `cell export` put beside the tables; ConfigurationError without
-    one.
+    """Mapping of the class `kind` that an export has put beside the tables of `source`;
+    ConfigurationError where there is none.
     """
     content = source.documents.get(MAPPING)
     if content is None:
@@ -363,7 +365,9 @@ def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
 
 
 def _write_run(source: Source, how: AnyMapping, index: int, target: Path) -> None:
-    """Write the tables of `source` as a run in the new folder `target`."""
+    """Write the tables of `source`, converted as the mapping `how` says, as a run in
+    the new folder `target`.
+    """
     stated = how.runs.get(source.name, RunFacts()).model_dump(exclude_none=True)
     common = {} if how.condition is None else {"condition": how.condition}
     facts = {"index": index} | common | stated  # by default that of the call
@@ -382,7 +386,8 @@ def _write_run(source: Source, how: AnyMapping, index: int, target: Path) -> Non
 
 
 def _signals(source: Source, how: SignalMapping) -> dict[str, Array]:
-    """Columns (n,) of a mechanism's signals at the times of the first table.
+    """Columns of a mechanism's signals by name, each with a value for each time in the
+    first table of the mapping `how`.
 
     A reading of another table is interpolated at the row nearest to it, NaN in others.
     """
@@ -407,7 +412,9 @@ def _signals(source: Source, how: SignalMapping) -> dict[str, Array]:
 
 
 def _fold(source: Source, how: MappingFile, facts: Content) -> dict[str, Content]:
-    """Contents of a fold's run.yaml, ticks, profile and result, by file name."""
+    """Content of the files of an imported fold, by file name: header, gripper's motion,
+    midlines and result.
+    """
     ticks = dict(read_columns(source, how.ticks))
     begin = how.begin
     if begin is None:
@@ -434,8 +441,8 @@ def _fold(source: Source, how: MappingFile, facts: Content) -> dict[str, Content
 
 
 def _write_film(source: Source, run: Path) -> None:
-    """Give the fold `run` the film of its `source`, if any, each image at the time of
-    its row.
+    """Write the images of `source`, if it has any, as the film of the imported fold in
+    the folder `run`.
     """
     images = iter(source.images())
     first = next(images, None)
@@ -452,8 +459,8 @@ def _write_film(source: Source, run: Path) -> None:
 def _profile(
     source: Source, how: MappingFile, begin: float, t: Array
 ) -> dict[str, Array]:
-    """Columns (n,) of the strip's points: t [s], i, x, z [m]; empty where none were
-    measured.
+    """Columns of the points on the strip, by name: time [s], number of the point, and x
+    and z [m]; empty where none were measured.
     """
     profile = how.profile
     if profile is None:
@@ -471,8 +478,8 @@ def _profile(
 def _result(
     source: Source, how: MappingFile, begin: float, t: Array
 ) -> dict[str, object]:
-    """Content of result.yaml for an imported run: its outcome and the layers' touch, if
-    any, with times counted from `begin` [s].
+    """Content of the result file of an imported fold: its outcome and, if it was
+    measured, the touch of the layers, with times from `begin` [s] on.
 
     Raises ConfigurationError for a missing file, where another's name is close to its
     name.

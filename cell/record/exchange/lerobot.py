@@ -66,24 +66,29 @@ ABOUT, ABOUT_VERSION = "meta/cell.json", 3
 
 
 class Feature(NamedTuple):
-    """Values (n,) or (n, m) in the frames, and names of a vector's components."""
+    """Values of one quantity in the frames of a LeRobot data set, a number or a row of
+    numbers for each frame, and names of the numbers in a row.
+    """
 
     values: Any
     names: list[str] | None = None
 
     @property
     def size(self) -> int:
-        """Number of components of the feature."""
+        """How many numbers the feature has in each frame."""
         return 1 if self.values.ndim == 1 else self.values.shape[1]
 
     def stated(self) -> dict[str, Any]:
-        """Description of the feature as meta/info.json holds it."""
+        """Description of the feature as the file meta/info.json of a data
+        set holds it.
+        """
         kind, shape = str(self.values.dtype), [self.size]
         return {"dtype": kind, "shape": shape, "names": self.names}
 
 
 def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
-    """Write the runs as a data set into the new folder `out`; returns that folder.
+    """Write `runs` as one LeRobot data set into the new folder `out`, and return that
+    folder as a tuple of one.
 
     Raises ConfigurationError where their films have images of several sizes.
     """
@@ -116,7 +121,9 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
 
 
 def _about(runs: Sequence[Run]) -> dict[str, Any]:
-    """Contents of meta/cell.json: of each run its documents."""
+    """Content of the file meta/cell.json of an exported data set, which holds the YAML
+    documents of each run.
+    """
     found = {
         run.name: {
             name: parse_yaml(content.decode(), name)
@@ -131,7 +138,8 @@ def _about(runs: Sequence[Run]) -> dict[str, Any]:
 def _write_films(
     runs: Sequence[Run], rows: Sequence[dict[str, Any]], out: Path, fps: int
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Write a film for each run, and its place into the run's row of meta/episodes.
+    """Write a film for each of `runs` below the folder `out`, and add where it lies to
+    the entry of that run in `rows`.
 
     Returns the images as a feature of meta/info.json, and statistics of their pixels.
     Raises ConfigurationError for films with images of several sizes.
@@ -161,7 +169,9 @@ def _write_films(
 
 
 def _file_and_column(table: str, column: str) -> tuple[str, str]:
-    """File and column of a data set that hold the `column` of a run's `table`."""
+    """File and column of a data set that hold the `column` of the `table` of an
+    exported run.
+    """
     if table == "contact":
         stamp = "measured.contact_stamp"
         return EPISODE, stamp if column == "t" else "measured.contact"
@@ -174,7 +184,9 @@ def _file_and_column(table: str, column: str) -> tuple[str, str]:
 
 
 def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
-    """Features of the frames, with columns of motion that all `runs` have."""
+    """Features of all frames of `run`, with only those columns of motion that all
+    `runs` have.
+    """
     found: dict[str, Feature] = {}
     ticks = run.tables()["ticks"]
     shared = set.intersection(*({*other.tables()["ticks"]} for other in runs))
@@ -200,7 +212,9 @@ def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
 
 
 def _curves(run: Run, points: int) -> dict[str, Feature]:
-    """Curves of up to `points` points in the frames nearest to their images."""
+    """Features with the measured midlines of the strip, of up to `points` points, each
+    in the frame that is nearest to its image.
+    """
     curves = run.profile.curves()
     stamps = np.array([stamp for stamp, _ in curves])
     padded = np.full((len(curves), points, 2), np.nan)
@@ -216,7 +230,9 @@ def _curves(run: Run, points: int) -> dict[str, Feature]:
 
 
 def _at_frames(run: Run, stamps: Array, values: Array) -> Feature:
-    """Feature of `values` (k, ...), each at the frame nearest to its `stamps` (k,)."""
+    """Feature with one row of `values` in the frame nearest to each of the times
+    `stamps` [s], and NaN in all other frames.
+    """
     t = run.ticks.t
     rows = place_rows(t, stamps)
     if len(np.unique(rows)) < len(rows):
@@ -230,7 +246,9 @@ def _at_frames(run: Run, stamps: Array, values: Array) -> Feature:
 
 
 def _newest_images(run: Run) -> list[int]:
-    """Film number of the newest image, or else the first, at each row (n,) of ticks."""
+    """For each row of a run, the number in its film of the newest image at that time,
+    or of the first image where there is none yet.
+    """
     stamps = run.film_stamps()
     newest = np.searchsorted(list(stamps.values()), run.ticks.t, side="right") - 1
     numbers = list(stamps)
@@ -238,7 +256,8 @@ def _newest_images(run: Run) -> list[int]:
 
 
 def _write_film(run: Run, path: Path, fps: int) -> tuple[tuple[int, ...], Feature]:
-    """Write a film with an image for each row; returns image shape and sampled pixels.
+    """Write the film of a run anew at `path` with one image for each row; returns the
+    shape of the images, and some pixels.
 
     Raises ConfigurationError for a run whose film breaks off.
     """
@@ -265,7 +284,9 @@ def _write_film(run: Run, path: Path, fps: int) -> tuple[tuple[int, ...], Featur
 
 
 def _place(kind: str, number: int) -> dict[str, int]:
-    """Columns of meta/episodes that name the file of a `kind` by its `number`."""
+    """Columns of the file meta/episodes that say which file, by its `number`, holds the
+    data or film of an episode.
+    """
     return {f"{kind}/chunk_index": 0, f"{kind}/file_index": number}
 
 
@@ -280,7 +301,9 @@ def _counters(
 
 
 def _table(features: Mapping[str, Feature]) -> pa.Table:
-    """Table of the frames: columns of numbers, or of lists of fixed size."""
+    """Arrow table of all frames: a column of numbers for each feature, or of lists of
+    fixed size where it has several numbers in a frame.
+    """
     columns = {}
     for name, feature in features.items():
         column = pa.array(feature.values.ravel())
@@ -291,7 +314,9 @@ def _table(features: Mapping[str, Feature]) -> pa.Table:
 
 
 def _episode_row(run: Run, i: int, begin: int, count: int) -> dict[str, Any]:
-    """Row of meta/episodes for one run; `cell/` holds the run's documents."""
+    """Row of the file meta/episodes for one run, which also holds the run's YAML
+    documents.
+    """
     documents = documents_of(run).items()
     return {
         "episode_index": i,
@@ -307,7 +332,9 @@ def _episode_row(run: Run, i: int, begin: int, count: int) -> dict[str, Any]:
 
 
 def _tasks(tasks: Sequence[str]) -> pa.Table:
-    """Table of task texts and their numbers; the text is the index of a data frame."""
+    """Table of the texts of all tasks with their numbers, which pandas reads with the
+    text as the index.
+    """
     kinds = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
     keys = ("name", "field_name", "pandas_type", "numpy_type", "metadata")
     columns = [
@@ -322,7 +349,9 @@ def _tasks(tasks: Sequence[str]) -> pa.Table:
 
 
 def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
-    """Statistics of each feature, and their count, over its measured values."""
+    """Statistics of each feature over all values that were measured, such as mean and
+    range, and their number.
+    """
     found = {}
     for name, feature in each[0].items():
         rows = np.concatenate([features[name].values for features in each])
@@ -340,7 +369,9 @@ def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
 def _info(
     runs: Sequence[Run], features: Mapping[str, Feature], frames: int, tasks: int
 ) -> dict[str, Any]:
-    """Contents of meta/info.json for `runs` with these `features`."""
+    """Content of the file meta/info.json of a data set that holds `runs` with the given
+    `features`.
+    """
     drivers = runs[0].header.drivers
     return {
         "codebase_version": FORMAT_VERSION,
@@ -360,13 +391,15 @@ def _info(
 
 
 def _rate(runs: Sequence[Run]) -> int:
-    """Nominal number of rows per second [Hz]."""
+    """Typical number of rows per second in `runs`, rounded [Hz]."""
     steps = np.concatenate([np.diff(run.ticks.t) for run in runs])
     return max(round(1.0 / float(np.median(steps))), 1) if len(steps) else 1
 
 
 def _fill_pattern(pattern: str, chunk: int, file: int, camera: str = "") -> str:
-    """Path of a data file by its `pattern` in meta/info.json."""
+    """Path of a file in a data set, from the `pattern` in meta/info.json and the
+    numbers of the chunk, the file and the camera.
+    """
     numbers = {"chunk_index": str(chunk), "file_index": str(file), "video_key": camera}
     return PLACE.sub(lambda found: numbers[found[1]].zfill(int(found[2] or 0)), pattern)
 
@@ -378,7 +411,8 @@ def _write(path: Path, table: pa.Table) -> None:
 
 @dataclass
 class Episode(Source):
-    """Episode of a data set as a run: its table `episode`, maybe `points` and a film.
+    """Episode of a LeRobot data set as a run to be imported: a table of its frames,
+    perhaps one of the strip's points, and perhaps a film.
 
     The table `episode` holds the frames, with a column for each component of a vector;
     `points` are those of the strip in an exported run. The episode begins at `begin`
@@ -391,7 +425,9 @@ class Episode(Source):
     info: Mapping[str, Any]
 
     def images(self) -> Iterator[tuple[int, Frame]]:
-        """Yield images (h, w, 3) of the film, each once, with their rows."""
+        """Yield the images of the episode's film, each of them once, with the number of
+        the frame to which it belongs.
+        """
         table, begin = self.frames, self.begin
         count = len(table)
         rows = set(range(count))
@@ -406,7 +442,9 @@ class Episode(Source):
                 yield row, frame
 
     def table(self, how: Table[Any]) -> pa.Table:
-        """Frames or points of the episode; ConfigurationError for any other table."""
+        """Table of the episode's frames or of the strip's points, whichever `how`
+        names; ConfigurationError for any other table.
+        """
         if how.file not in self.names:
             raise self.missing(how)
         if how.file == POINTS_TABLE:
@@ -418,7 +456,9 @@ class Episode(Source):
         return unnest(self.frames, str(self.path), vectors)
 
     def _points(self) -> pa.Table:
-        """Table of the strip's measured points: t [s], i, x and z [m]."""
+        """Table of the measured points on the strip: time [s], number of the point, and
+        x and z [m].
+        """
         shape = (len(self.frames), -1)
         x, z = (
             np.reshape(self.frames[f"measured.profile_{axis}"].to_pylist(), shape)
@@ -430,7 +470,8 @@ class Episode(Source):
 
 
 def episodes(root: Path) -> Iterator[Episode]:
-    """Yield the episodes of the data set at `root`, each with its own frames.
+    """Yield the episodes of the LeRobot data set in the folder `root`, each with its
+    own frames alone.
 
     Raises ConfigurationError for a data set of another version, or a broken one.
     """
@@ -465,7 +506,9 @@ def _read_episode(
     row: Mapping[str, Any],
     read: Callable[[Path], pa.Table],
 ) -> Episode:
-    """Episode of a `row` of meta/episodes; KeyError and the like for a broken one."""
+    """Episode that the `row` of the file meta/episodes describes; errors such as
+    KeyError where the row is broken.
+    """
     path = _path_in_set(root, info.get("data_path") or DATA, "data", row)
     name = str(row.get("cell/name") or f"episode-{row['episode_index']:06d}")
     if name == ".." or Path(name).name != name:
@@ -491,7 +534,9 @@ def _read_episode(
 
 
 def _first_camera(info: Mapping[str, Any], row: Mapping[str, Any]) -> str | None:
-    """Key `videos/CAMERA` of the first camera that filmed the episode of a `row`."""
+    """Key of the first camera that has filmed the episode of `row`, as `videos/NAME`;
+    None where no camera has.
+    """
     for name, feature in info["features"].items():
         key = f"videos/{name}"
         if feature.get("dtype") == "video" and f"{key}/file_index" in row:
@@ -500,7 +545,9 @@ def _first_camera(info: Mapping[str, Any], row: Mapping[str, Any]) -> str | None
 
 
 def _path_in_set(root: Path, pattern: str, key: str, row: Mapping[str, Any]) -> Path:
-    """Path of an episode's `data` or `videos/CAMERA`, which must lie in the set."""
+    """Path of the data or the film of an episode, as `key` says; ConfigurationError
+    where it does not lie in the data set.
+    """
     kind, _, camera = key.partition("s/")
     path = _fill_pattern(
         pattern, row[f"{key}/chunk_index"], row[f"{key}/file_index"], camera

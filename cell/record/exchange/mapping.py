@@ -171,8 +171,8 @@ class SignalMapping(VersionedFile):
 
     @property
     def tables(self) -> dict[str, Table[Any]]:
-        """First foreign table of a mechanism's signals, by the run's file that it is
-        imported to.
+        """The first table of a mechanism's signals, under the name of the file of a run
+        into which it is imported.
         """
         return {SIGNALS: self.signals[0]}
 
@@ -211,15 +211,17 @@ class MappingFile(VersionedFile):
 
     @property
     def tables(self) -> dict[str, Table[Any]]:
-        """Foreign tables of a fold, by the run's file that each is imported to."""
+        """The tables of a fold, each under the name of the file of a run into which it
+        is imported.
+        """
         stated = {TICKS: self.ticks, PROFILE: self.profile, RESULT: self.result}
         return {file: table for file, table in stated.items() if table is not None}
 
 
 @dataclass
 class Source(ABC):
-    """One run in a foreign format: its tables by name, and maybe images and YAML
-    documents.
+    """Run of another program that can be imported: its tables by name, perhaps camera
+    images, and perhaps YAML documents.
     """
 
     path: Path
@@ -231,37 +233,47 @@ class Source(ABC):
 
     @abstractmethod
     def table(self, how: Table[Any]) -> pa.Table:
-        """Foreign table that `how` names; ConfigurationError if it cannot be read."""
+        """Table of the run that the entry `how` of a mapping names; ConfigurationError
+        where it cannot be read.
+        """
 
     def missing(self, how: Table[Any]) -> ConfigurationError:
-        """Error of a mapping that names a table, `how`, which is not there."""
+        """Error to be raised for a mapping whose entry `how` names a table that the run
+        does not have.
+        """
         return ConfigurationError(
             f"{self.path}: the mapping reads {how.file}, which is not there"
             f"{suggestion(how.file, self.names)}; tables: {', '.join(self.names)}"
         )
 
     def place(self, how: Table[Any]) -> Path:  # noqa: ARG002
-        """Path of the file that holds the table `how`, for errors."""
+        """Path of the file that holds the table of the mapping's entry `how`, for
+        messages about errors.
+        """
         return self.path
 
     def images(self) -> Iterable[tuple[int, Frame]]:
-        """Images of the run's film, if any, each with the row of `ticks` at which it
-        was taken.
+        """Images of the run, each with the number of the row of motion at which it was
+        taken; none where it has no film.
         """
         return ()
 
 
 def stored_mapping(path: Path) -> dict[str, bytes]:
-    """Content of the mapping file at `path` by its name; empty where there is none."""
+    """Content of the mapping file at `path` under its name, in a dictionary; empty
+    where there is no such file.
+    """
     return {MAPPING: read_bytes(path, MEGABYTE)} if path.is_file() else {}
 
 
 class TableFiles(Source):
-    """A run in CSV and Parquet files: those of a folder, or one alone."""
+    """Run of another program in CSV and Parquet files: all those of a folder, or a
+    single file.
+    """
 
     def __init__(self, path: Path) -> None:
-        """Find the tables in the folder at `path`, or take the single file at
-        `path`.
+        """Find the tables of a run in the folder at `path` or, where `path` is a file,
+        take that alone.
         """
         resolved, alone = path.resolve(), path.is_file()
         self._files = [path] if alone else sorted(path.iterdir())
@@ -274,7 +286,8 @@ class TableFiles(Source):
         )
 
     def table(self, how: Table[Any]) -> pa.Table:
-        """Read the one CSV or Parquet file that `how` names, perhaps by a pattern.
+        """Table from the one CSV or Parquet file that the entry `how` of a mapping
+        names, by its name or by a pattern for it.
 
         Raises ConfigurationError for another name, or a file that cannot be read.
         """
@@ -293,8 +306,8 @@ class TableFiles(Source):
         )
 
     def place(self, how: Table[Any]) -> Path:
-        """Path of the file that `how` names; ConfigurationError where several have its
-        name.
+        """Path of the file that the entry `how` of a mapping names; ConfigurationError
+        where its pattern fits several files.
         """
         found = [file for file in self._files if fnmatchcase(file.name, how.file)]
         if len(found) > 1:
@@ -310,7 +323,8 @@ def read_columns(
     table: Table[Any],
     measures: Mapping[str, Mapping[str, float]] = MEASURES,
 ) -> dict[str, Array]:
-    """Columns (n,) of the `table` in `source`, in SI units, by the cell's names.
+    """Columns that the entry `table` of a mapping describes, read from `source`, in SI
+    units and by their names in the cell.
 
     Raises ConfigurationError for a file, a column or a unit that cannot be used;
     `measures` are the units by column.
@@ -334,8 +348,8 @@ def read_columns(
 
 
 def _csv(path: Path, table: Table[Any]) -> pa.Table:
-    """Read the CSV file at `path` as `table` states, without its comments and blank
-    lines.
+    """Table in the CSV file at `path`, read as the entry `table` of a mapping states,
+    without comments and blank lines.
 
     Rows of words above the numbers, each with a cell a column, name the columns; where
     there are none a comment does, else their numbers from 0.
@@ -368,8 +382,8 @@ def _csv(path: Path, table: Table[Any]) -> pa.Table:
 
 
 def _header(rows: Sequence[str], delimiter: str) -> tuple[list[str], int]:
-    """Names of the columns, by all words above them, and how many rows come before the
-    numbers.
+    """Names of the columns of a CSV file, made of all words above them, and how many of
+    its rows come before the numbers.
 
     What later rows have in common tells the columns of numbers. The heading ends before
     the first row with numbers alone in these, where no row of words follows at once.
@@ -395,8 +409,8 @@ def _header(rows: Sequence[str], delimiter: str) -> tuple[list[str], int]:
 
 
 def _kind(row: str, delimiter: str, width: int, numeric: Sequence[int]) -> str:
-    """Whether a row's cells in the `numeric` of `width` columns hold `numbers`,
-    `words`, `both` or `neither`; `other` where it has not as many cells.
+    """Whether the cells of a CSV row, in the columns `numeric`, hold `numbers`,
+    `words`, `both` or `neither`; `other` where the row has not `width` cells.
     """
     cells = _cells(row, delimiter)
     if len(cells) != width:
@@ -409,8 +423,8 @@ def _kind(row: str, delimiter: str, width: int, numeric: Sequence[int]) -> str:
 
 
 def _joined(heading: Sequence[Sequence[str]], width: int) -> list[str]:
-    """Names of `width` columns: the words of all rows of a `heading`, without those
-    that name its rows.
+    """Names of `width` columns, each made of the words that the rows of a `heading`
+    have above it.
 
     Where all rows but the last begin with empty cells, their first words name them.
     """
@@ -426,8 +440,8 @@ def _joined(heading: Sequence[Sequence[str]], width: int) -> list[str]:
 
 
 def _names_in_comments(lines: Sequence[str], delimiter: str, width: int) -> list[str]:
-    """Names of `width` columns by the last comment above a table with as many words,
-    else by number.
+    """Names of `width` columns from the last comment above a CSV table that has as many
+    words, or else their numbers from 0.
     """
     notes = [note.strip().lstrip("#%/ ") for note in takewhile(COMMENT.match, lines)]
     for note in reversed(notes):
@@ -446,7 +460,8 @@ def _cells(row: str, delimiter: str) -> list[str]:
 
 
 def _split(rows: list[str], table: Table[Any]) -> tuple[list[str], str, str]:
-    """CSV `rows` with one delimiter between cells, this delimiter and the decimal mark.
+    """CSV `rows` with one delimiter between cells, then this delimiter, and the mark of
+    decimals, guessed where `table` does not state them.
 
     They are guessed where `table` states none. A cell with a decimal comma counts as no
     delimiter, unless it is the whole row in the middle. Any number of blanks is one.
@@ -477,14 +492,17 @@ def _is_number(text: str) -> bool:
 def units_of(
     column: str, measures: Mapping[str, Mapping[str, float]] = MEASURES
 ) -> Mapping[str, float]:
-    """Units of the cell's `column`, the SI unit first, each with its factor to it."""
+    """Units that the `column` of the cell may have, the SI unit first, each with its
+    factor to the SI unit.
+    """
     return measures.get(column, measures[""])
 
 
 def _values(
     content: pa.Table, column: Column, name: str, known: Mapping[str, float], path: Path
 ) -> Array:
-    """Values (n,) of a foreign column in SI units and axes of the cell frame.
+    """Values of a foreign column in SI units and along the axes of the cell, one for
+    each row.
 
     Raises ConfigurationError for a unit that is not `known`, a missing column, or one
     that holds no numbers.
@@ -515,7 +533,9 @@ def _values(
 
 
 def _check_unit(raw: pa.ChunkedArray, column: Column, origin: str) -> None:
-    """Refuse a unit of the mapping that is not the one that the cells state."""
+    """Raise ConfigurationError where the cells of a column state another unit than the
+    mapping does.
+    """
     told = unit_in_cells(raw) or ""
     stated = column.unit
     unit = UNITS.get(told.lower(), stated)
@@ -527,7 +547,9 @@ def _check_unit(raw: pa.ChunkedArray, column: Column, origin: str) -> None:
 
 
 def _numbers(raw: pa.ChunkedArray, origin: str, known: Mapping[str, float]) -> Array:
-    """Numbers (n,) of a column; ConfigurationError, with its `origin`, for others."""
+    """Numbers of a foreign column, one for each row; ConfigurationError, which names
+    its `origin`, where it holds anything else.
+    """
     if (numbers := numbers_of(raw)) is not None:
         return numbers
     where = next(
@@ -546,7 +568,9 @@ def _numbers(raw: pa.ChunkedArray, origin: str, known: Mapping[str, float]) -> A
 
 
 def documents_of(run: Run) -> dict[str, bytes]:
-    """YAML documents of a run that are exported, by file; empty if missing."""
+    """YAML documents of `run` that are exported with it, by file name; empty for a file
+    that is missing.
+    """
     files = (run.folder / name for name in (RUN, RESULT, CALIBRATION))
     return {
         file.name: read_bytes(file, MEGABYTE) if file.is_file() else b""
@@ -557,8 +581,8 @@ def documents_of(run: Run) -> dict[str, bytes]:
 def mapping_of(
     runs: Sequence[Run], name: Naming, tables: Sequence[str] = TABLES
 ) -> bytes:
-    """Text of the mapping file of exported runs; `name` gives the format's file and
-    column.
+    """Content of the mapping file by which exported `runs` can be imported again;
+    `name` gives file and column in the format of the export.
 
     A table or column is described where every run has it, the touch where any has.
     """

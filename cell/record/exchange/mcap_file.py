@@ -66,8 +66,8 @@ Found = tuple[Message, Channel, Schema | None]
 
 
 def write_mcap(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
-    """Write a file for each run into the folder `out`, documents and mapping as
-    attachments.
+    """Write one MCAP file for each of `runs` into the folder `out`, with YAML documents
+    and mapping attached, and return their paths.
     """
     paths = tuple(out / f"{run.name}.mcap" for run in runs)
     for run, path in zip(runs, paths, strict=True):
@@ -86,8 +86,8 @@ def write_mcap(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
 
 
 def _write_numbers(writer: Writer, run: Run) -> None:
-    """Write each table of the run to its own topic, with a message per row or
-    profile.
+    """Write each table of `run` as a topic of an MCAP file, with one message for each
+    row or, of points, for each image.
     """
     for table, columns in run.tables().items():
         numbers: Row = {name: {"type": "number"} for name in columns}
@@ -111,7 +111,9 @@ def _write_numbers(writer: Writer, run: Run) -> None:
 
 
 def _curves(points: list[Row]) -> Iterator[Row]:
-    """A message for each image of the profile, with all of its points."""
+    """Messages of the strip's midlines from the rows `points`: one for each image, with
+    all of its points.
+    """
     for t, group in groupby(points, lambda point: point["t"]):
         yield {
             "t": t,
@@ -120,7 +122,9 @@ def _curves(points: list[Row]) -> Iterator[Row]:
 
 
 def _write_drawings(writer: Writer, run: Run) -> None:
-    """Write messages in Foxglove's schemas, each kind to a topic of its own."""
+    """Write what a viewer can draw of `run` into an MCAP file, each kind as a topic of
+    its own with a message schema of Foxglove.
+    """
     channels: dict[str, int] = {}
     for topic, t, message in _drawings(run):
         if topic not in channels:
@@ -133,8 +137,8 @@ def _write_drawings(writer: Writer, run: Run) -> None:
 
 
 def _drawings(run: Run) -> Iterator[tuple[str, float, Any]]:
-    """Topics, stamps [s] and messages of film, images, strip, gripper and events of a
-    run.
+    """Yield topic, time [s] and message of everything of `run` that a viewer can draw:
+    film, images, strip, gripper and events.
     """
     stamps = run.film_stamps()
     for number, data in enumerate(Film(run.folder / FILM).packets() if stamps else ()):
@@ -181,13 +185,13 @@ def _log_time(t: float) -> int:
 
 
 class McapFile(Source):
-    """A run in an MCAP file, a table per topic; a truncated file gives its whole
-    chunks.
+    """Run of another program in an MCAP file, with a table for each topic; a file that
+    was cut off gives what is whole in it.
     """
 
     def __init__(self, path: Path, parts: Sequence[Path] = ()) -> None:
-        """Read attachments and topic names of the MCAP file at `path`, or of the
-        `parts` of the recording in that folder.
+        """Read attachments and names of topics from the MCAP file at `path` or, where
+        it is a folder, from its MCAP files `parts`.
         """
         self.documents: dict[str, bytes] = {}
         super().__init__(path, path.name.removesuffix(".mcap"), self.documents, ())
@@ -197,7 +201,8 @@ class McapFile(Source):
         self.names = sorted(topics or {by.topic for _, by, _ in self._messages()})
 
     def table(self, how: Table[Any]) -> pa.Table:
-        """Messages of a topic as rows in the order of their `log_time` [s].
+        """Table of the messages of the topic that the entry `how` of a mapping names,
+        with a row for each, in the order of their log times.
 
         Nested fields are joined by dots, numbers of a list have their index as name,
         and a list of objects gives a row for each. Rows without any of the wanted
@@ -226,8 +231,8 @@ class McapFile(Source):
         )
 
     def _rows(self, topic: str) -> tuple[list[Row], set[str]]:
-        """Rows of the messages of `topic`, and the encodings of those that cannot be
-        decoded.
+        """Rows from all messages of `topic`, and the names of the encodings of those
+        that cannot be decoded.
         """
         found = (each for each in self._messages() if each[1].topic == topic)
         if (first := next(found, None)) is None:
@@ -261,8 +266,8 @@ class McapFile(Source):
     def _parts(
         self, message: Message, channel: Channel, schema: Schema | None
     ) -> list[Row] | None:
-        """Rows of a message, None where its encoding is not read; ConfigurationError
-        for one that is broken or too wide.
+        """Rows from one message, or None where its encoding cannot be read;
+        ConfigurationError where it is broken or too wide.
         """
         encoding = channel.message_encoding
         origin = f"{self.path}: topic {channel.topic!r}"
@@ -280,8 +285,8 @@ class McapFile(Source):
         return parts
 
     def _check_clock(self, t: Array, topic: str) -> None:
-        """Refuse messages of one writer whose clock was set back, by their times `t`
-        (n,) [s] in the order of the file.
+        """Raise ConfigurationError where the times `t` [s] of a topic's messages show
+        that the clock of their writer was set back.
         """
         if was_set_back(t):
             last = t[int(np.argmin(np.diff(t)))]
@@ -291,8 +296,8 @@ class McapFile(Source):
             )
 
     def _topics(self, content: bytes) -> Iterator[str]:
-        """Topics of an MCAP file by its closing summary, and its attachments into
-        `documents`.
+        """Yield the names of the topics that the summary of an MCAP file lists, and
+        keep the attachments that it lists.
 
         A file whose writer was killed has no summary, and yields none.
         """
@@ -306,12 +311,16 @@ class McapFile(Source):
             return  # what is wrong with it is said where its messages are read
 
     def _messages(self) -> Iterator[Found]:
-        """Messages in the order of the file, with channel and schema."""
+        """Yield all messages, in the order of the files, each with its channel and its
+        schema.
+        """
         for content in self._contents:
             yield from self._messages_in(content)
 
     def _messages_in(self, content: bytes) -> Iterator[Found]:
-        """Messages in the `content` of one file."""
+        """Yield the messages in the `content` of one MCAP file, each with its channel
+        and its schema.
+        """
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         try:
@@ -331,8 +340,8 @@ class McapFile(Source):
             ) from None
 
     def _records(self, content: bytes) -> Iterator[McapRecord]:
-        """Records of a file, those of a chunk one by one: its first may show that the
-        rest need not be read.
+        """Yield the records in the `content` of an MCAP file, and those within its
+        compressed chunks one by one.
         """
         left = LARGEST_CONTENT
         for record in _stored(content):
@@ -351,7 +360,9 @@ class McapFile(Source):
 
 
 def _stored(content: bytes) -> Iterator[McapRecord]:
-    """Records of the `content` of a file, with its chunks as they are."""
+    """Yield the records in the `content` of an MCAP file, with its chunks still
+    compressed.
+    """
     reader = StreamReader(
         BytesIO(content), emit_chunks=True, record_size_limit=LARGEST_FILE
     )
@@ -359,8 +370,8 @@ def _stored(content: bytes) -> Iterator[McapRecord]:
 
 
 def flat(message: object) -> list[Row]:
-    """Flatten a decoded message to rows of scalars: one per object in its lists, else
-    one.
+    """Rows of plain values from a decoded message: one for each object in its lists or,
+    where it has no such list, a single row.
     """
     scalars: Row = {}
     rows: list[Row] = []
@@ -396,7 +407,8 @@ def flat(message: object) -> list[Row]:
 
 
 def _fields(value: Any) -> Mapping[str, Any]:
-    """Fields of an object of JSON, protobuf or ROS 2 by name; empty for other values.
+    """Fields of an object that was decoded from JSON, protobuf or ROS 2, by name; empty
+    for a value that has no fields.
 
     Protobuf does not send a zero: a field is missing only where it can say so.
     """
