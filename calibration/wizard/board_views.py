@@ -84,8 +84,8 @@ class BoardViews:
         return _row(number, look.view, refused)
 
     def restore(self, row: SessionRow, image: Image) -> bool:
-        """Accept again the view of a session's `row` if its `image` shows the board,
-        and return whether it does.
+        """Accept again the view of a session's `row` if its `image`, of shape (height,
+        width, 3), shows the board, and return whether it does.
         """
         view = find_board(image, self._detector, self._board).view
         if view is None:

@@ -38,8 +38,8 @@ class WantedView(BoardPlacement):
         return f"{where}, {100 * self.size:.0f} % of the image wide, {how}"
 
     def outline(self, corners: Array, lens: Lens) -> Array:
-        """Points [px] at which an image through `lens` shows the board's four outer
-        `corners` [m] in the wanted view.
+        """Points [px] of shape (4, 2) at which an image through `lens` shows the
+        board's outer `corners` [m] of the same shape in the wanted view.
         """
         from scipy.spatial.transform import Rotation  # half a second that no fold needs
 
@@ -183,8 +183,8 @@ class Sketch:
 
 
 def project_outline(view: BoardView, outline: Array) -> Array:
-    """Points [px] at which the image of `view` shows the board's outer corners
-    `outline` [m], a row for each of the four.
+    """Points [px] of shape (4, 2) at which the image of `view` shows the board's outer
+    corners `outline` [m] of the same shape.
     """
     to_image, _ = cv2.findHomography(view.board[:, :2], view.image, 0)
     corners: Array = cv2.perspectiveTransform(outline[None], to_image)[0]
@@ -192,8 +192,8 @@ def project_outline(view: BoardView, outline: Array) -> Array:
 
 
 def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
-    """Position, size and lean, in the image of `view`, of a board whose outer corners
-    are the four rows of `outline` [m], clockwise.
+    """Position, size and lean, in the image of `view`, of a board with the outer
+    corners `outline` [m] of shape (4, 2), clockwise.
     """
     corners = project_outline(view, outline) / lens.size
     x, y = corners.T

@@ -106,8 +106,8 @@ class SessionFolder:
         self._watch(progress)
 
     def add(self, row: SessionRow, image: Image | None = None) -> None:
-        """Append `row` to the session's log, and write its `image` unless that is None;
-        ConfigurationError where writing fails.
+        """Append `row` to the session's log, and write its `image` of shape (height,
+        width, 3) unless that is None; ConfigurationError where writing fails.
         """
         if image is not None:
             name = f"{IMAGES_FOLDER}/{self._count:04d}.png"
@@ -214,8 +214,9 @@ Task = BoardViews | TouchedPoints
 def restore(
     task: Task, folder: Path, session: SessionFile, without: Collection[int] = ()
 ) -> Image | None:
-    """Tell `task` again the accepted images of the session in `folder`, except those
-    whose numbers are in `without`; returns the last image, or None where there is none.
+    """Tell `task` again the accepted images of the session in `folder`, but not the
+    numbers in `without`; returns the last image, of shape (height, width, 3), or None
+    where there is none.
 
     Raises ConfigurationError for a broken file or an image that shows nothing.
     """
@@ -239,15 +240,15 @@ def read_steps(folder: Path) -> LatencySteps:
 
 
 def write_image(path: Path, image: Image) -> None:
-    """Write `image` to the file at `path` as a PNG picture; ConfigurationError where
-    that fails.
+    """Write `image`, of shape (height, width, 3), to the file at `path` as a PNG
+    picture; ConfigurationError where that fails.
     """
     write_file(path, as_png(image), MAKE_ROOM)
 
 
 def as_png(image: Image) -> bytes:
-    """Content of a PNG file that shows `image`; ConfigurationError where it cannot be
-    encoded.
+    """Content of a PNG file that shows `image`, of shape (height, width, 3);
+    ConfigurationError where it cannot be encoded.
     """
     made, content = cv2.imencode(".png", image, FAST_PNG)
     if not made:

@@ -133,8 +133,8 @@ class TouchedPoints:
         return row
 
     def restore(self, row: SessionRow, image: Image) -> bool:
-        """Accept again the point of a session's `row` if its `image` shows the pointer,
-        and return whether it does.
+        """Accept again the point of a session's `row` if its `image`, of shape (height,
+        width, 3), shows the pointer, and return whether it does.
 
         Raises ConfigurationError for a row without a pose.
         """
@@ -223,8 +223,8 @@ class TouchedPoints:
         return tuple(marks)
 
     def deviation(self, verdict: TouchVerdict, pixels: Array) -> Array:
-        """Standard deviations [m] with which the map of `verdict` is known at the image
-        points `pixels`, one for each row; NaN where it has no map.
+        """Standard deviations [m] of shape (k,) with which the map of `verdict` is
+        known at the image points `pixels` of shape (k, 2); NaN where it has no map.
         """
         plane_map = verdict.plane_map
         if plane_map is None:

@@ -134,8 +134,8 @@ class TouchFit(PlaneMap):
     replaced: tuple[TouchedPoint, ...] = ()
 
     def error(self, touched: TouchedPoint) -> Array:
-        """Error [m] of a touched point along x and z: its position by the map minus
-        that of the arm.
+        """Error [m], of shape (2,), of a touched point along x and z: its position by
+        the map minus that of the arm.
         """
         residual: Array = self.to_plane(touched.pixel)[0] - touched.position
         return residual

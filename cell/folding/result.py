@@ -59,8 +59,8 @@ class FoldResult:
 
     @classmethod
     def refusal(cls, request: Request, error: CellError) -> Self:
-        """Result of a fold that did not begin because of `error`; an interruption by
-        the user is raised instead.
+        """Result of a fold that did not begin because of `error`; raises `error`
+        instead where that is an interruption by the user.
         """
         if isinstance(error, Interrupted):
             raise error

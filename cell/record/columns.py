@@ -101,8 +101,8 @@ class Columns:
 
     @classmethod
     def read(cls, table: pa.Table, origin: str) -> dict[str, Array]:
-        """Checked columns of `table` by name, each an array with a number for each row;
-        one that is optional and missing holds NaN.
+        """Checked columns of `table` by name, each an array of shape (rows,); one that
+        is optional and missing holds NaN.
 
         Raises ConfigurationError that names `origin` and the column.
         """
@@ -281,8 +281,8 @@ def _check_finite(values: Array, name: str, origin: str) -> None:
 
 
 def check_order(t: Array, origin: str, strictly: bool = True) -> None:
-    """Raise ConfigurationError where successive times `t` [s] decrease or, if
-    `strictly`, where two of them are equal.
+    """Raise ConfigurationError where successive times `t` [s], an array of shape
+    (rows,), decrease or, if `strictly`, where two of them are equal.
     """
     steps = np.diff(t)
     wrong = np.flatnonzero(steps <= 0 if strictly else steps < 0)
@@ -308,8 +308,8 @@ def check_order(t: Array, origin: str, strictly: bool = True) -> None:
 
 
 def was_set_back(t: Array) -> bool:
-    """Whether the times `t` of rows show that their clock was set back, so that sorting
-    the rows would mix different moments.
+    """Whether the times `t` of rows, of shape (rows,), show that their clock was set
+    back, so that sorting the rows would mix different moments.
 
     Sorting is right where rows or whole pieces only changed places: then few that lay
     apart become neighbours.

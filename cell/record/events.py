@@ -101,16 +101,16 @@ class Outlook(NamedTuple):
         )
 
     def band(self, name: str) -> Array:
-        """Predictions of the quantity called `name`, in three rows: the values, their
-        lower bounds, and their upper bounds.
+        """Predictions of the quantity called `name`, as an array of shape (3, times):
+        the values, their lower bounds, and their upper bounds.
         """
         place = COLUMN_NAMES.index(name)
         return self.rows[:, place : place + 3].T
 
 
 def row_of(facts: Mapping[str, object]) -> Array:
-    """Values of one prediction and their bounds, from the `facts` of its event, in the
-    order of the columns of an Outlook.
+    """Values of one prediction with their bounds, as an array of shape (columns,), from
+    the `facts` of its event, in the order of the columns of an Outlook.
     """
     displacement, sigma = (
         _number(facts.get(name)) for name in ("displacement", "sigma")

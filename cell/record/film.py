@@ -179,8 +179,8 @@ class FilmWriter(AbstractContextManager["FilmWriter"]):
         self._stream: Any = None
 
     def add(self, stamp: float, image: Image) -> None:
-        """Add an `image`, with even width and height, at the time `stamp` [s], which
-        must be later than that of the image before.
+        """Add an `image` of shape (height, width, 3), both even, at the time `stamp`
+        [s], which must be later than that of the image before.
         """
         import av
         import cv2
@@ -259,8 +259,8 @@ class RunFilm:
             )
 
     def put(self, stamp: float, image: Image) -> int | None:
-        """Add `image`, taken at `stamp` [s], and return its number in the film; None
-        where it is left out.
+        """Add `image`, of shape (height, width, 3) and taken at `stamp` [s], and return
+        its number in the film; None where it is left out.
         """
         if self.failure or stamp < self._next_stamp:
             return None
@@ -306,8 +306,8 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
             raise
 
     def add(self, stamp: float, image: Image) -> None:
-        """Add `image` with the time `stamp` [s], later than that of the image before;
-        ChildDied or OSError where the film broke off.
+        """Add `image`, of shape (height, width, 3), with the time `stamp` [s], later
+        than that of the image before; ChildDied or OSError where the film broke off.
         """
         self._image.write(image)
         self._child.send((stamp, image.shape))

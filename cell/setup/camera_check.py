@@ -85,8 +85,9 @@ class ViewCheck:
         }
 
     def picture(self) -> Image:
-        """Picture with the earlier view in red and the present one in cyan, grey where
-        they agree, and arrows that show the motion enlarged.
+        """Picture of shape (height, width, 3) with the earlier view in red and the
+        present one in cyan, grey where they agree, and arrows that show the motion
+        enlarged.
         """
         before, now = (
             cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -110,8 +111,8 @@ def take_view(devices: Devices) -> Frame:
 def check_views(
     pinned: Image | None, frames: Iterable[Frame], calibration: Calibration | None
 ) -> ViewCheck:
-    """Compare `frames` with the image `pinned` or, where that is None, with the first
-    of them, and return the comparison with the largest shift.
+    """Compare `frames` with the image `pinned`, of shape (height, width, 3), or with
+    the first of them where that is None; returns the comparison with the largest shift.
 
     With the calibration of these images only what stands near the strip's plane counts.
     Raises ConfigurationError for images of another size, or none.

@@ -341,7 +341,7 @@ def show_board(
     interrupted: Interruption = lambda: False,
 ) -> None:
     """Ask for views of the board, and tell `views` the images from `source`, until
-    enough are accepted; Interrupted where the operator stops this.
+    enough are accepted; raises Interrupted where the operator stops this.
     """
     while (wanted := views.ask()) is not None:
         progress = views.progress()

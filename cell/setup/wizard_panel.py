@@ -296,8 +296,8 @@ class Keyboard:
         self._alone = False
 
     def answer(self, question: Question) -> Answer | None:
-        """Answer to `question` by the key that the operator types; None where none was
-        typed yet.
+        """Answer to `question` by the key that the operator types, None where none was
+        typed yet; raises Interrupted at the end of the input.
         """
         if self._alone and not question.reaches:
             return Answer.GO

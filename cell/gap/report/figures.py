@@ -76,7 +76,7 @@ class DrawnVerdict(Verdict):
 
 def folds(shapes: Mapping[str, Array]) -> str:
     """Figure, as SVG text, of folded strips when their layers touch, from midlines
-    given by name, with a row of x and z [m] for each point.
+    given by name, each of shape (n, 2) with x and z [m] in a row.
     """
     with canvas(7.0, 2.2) as figure:
         axes = figure.add_subplot(aspect="equal", anchor="W")
@@ -305,8 +305,8 @@ def _legend_above(figure: Figure, axis: Axes) -> None:
 
 
 def run_bars(names: Sequence[str], by_fit: Mapping[str, Array]) -> str:
-    """Figure, as SVG text, with bars that show for each held-out run by how many
-    standard deviations its residuals exceed noise, one bar for each fit.
+    """Figure, as SVG text, of how many standard deviations the residuals of each
+    held-out run exceed noise, with a bar for each fit; its array has the shape (runs,).
     """
     with canvas(6.0, 1.2 + 0.4 * len(names)) as figure:
         axis = _bars(figure, names, by_fit, "beyond noise [sigma]")

@@ -80,8 +80,8 @@ class Guess:
     reason: str = BY_NAME
 
     def si(self) -> Array:
-        """Values of the column in SI units and along the axes of the cell; NaN where
-        its unit or its zero cannot be told.
+        """Values of the column, of shape (rows,), in SI units and along the axes of the
+        cell; NaN where its unit or its zero cannot be told.
         """
         if self.unit is None or self.offset is None:
             return np.full(len(self.values), np.nan)

@@ -211,9 +211,7 @@ class MappingFile(VersionedFile):
 
     @property
     def tables(self) -> dict[str, Table[Any]]:
-        """The tables of a fold, each under the name of the file of a run into which it
-        is imported.
-        """
+        """Tables of a fold by the name of the run's file that each is imported to."""
         stated = {TICKS: self.ticks, PROFILE: self.profile, RESULT: self.result}
         return {file: table for file, table in stated.items() if table is not None}
 
@@ -233,23 +231,17 @@ class Source(ABC):
 
     @abstractmethod
     def table(self, how: Table[Any]) -> pa.Table:
-        """Table of the run that the entry `how` of a mapping names; ConfigurationError
-        where it cannot be read.
-        """
+        """Table that the mapping entry `how` names; ConfigurationError if broken."""
 
     def missing(self, how: Table[Any]) -> ConfigurationError:
-        """Error to be raised for a mapping whose entry `how` names a table that the run
-        does not have.
-        """
+        """Error for a mapping whose entry `how` names a table that is not there."""
         return ConfigurationError(
             f"{self.path}: the mapping reads {how.file}, which is not there"
             f"{suggestion(how.file, self.names)}; tables: {', '.join(self.names)}"
         )
 
     def place(self, how: Table[Any]) -> Path:  # noqa: ARG002
-        """Path of the file that holds the table of the mapping's entry `how`, for
-        messages about errors.
-        """
+        """Path, in messages of errors, of the file that mapping entry `how` names."""
         return self.path
 
     def images(self) -> Iterable[tuple[int, Frame]]:
@@ -260,16 +252,12 @@ class Source(ABC):
 
 
 def stored_mapping(path: Path) -> dict[str, bytes]:
-    """Content of the mapping file at `path` under its name, in a dictionary; empty
-    where there is no such file.
-    """
+    """Mapping file at `path`, as its name and content; empty where there is none."""
     return {MAPPING: read_bytes(path, MEGABYTE)} if path.is_file() else {}
 
 
 class TableFiles(Source):
-    """Run of another program in CSV and Parquet files: all those of a folder, or a
-    single file.
-    """
+    """Run of another program in CSV and Parquet files, of a folder or a single one."""
 
     def __init__(self, path: Path) -> None:
         """Find the tables of a run in the folder at `path` or, where `path` is a file,
@@ -286,8 +274,7 @@ class TableFiles(Source):
         )
 
     def table(self, how: Table[Any]) -> pa.Table:
-        """Table from the one CSV or Parquet file that the entry `how` of a mapping
-        names, by its name or by a pattern for it.
+        """Table from the one CSV or Parquet file that the mapping entry `how` names.
 
         Raises ConfigurationError for another name, or a file that cannot be read.
         """
@@ -323,8 +310,7 @@ def read_columns(
     table: Table[Any],
     measures: Mapping[str, Mapping[str, float]] = MEASURES,
 ) -> dict[str, Array]:
-    """Columns that the entry `table` of a mapping describes, read from `source`, in SI
-    units and by their names in the cell.
+    """Columns (n,) that the mapping entry `table` names in `source`, in SI units.
 
     Raises ConfigurationError for a file, a column or a unit that cannot be used;
     `measures` are the units by column.
@@ -460,8 +446,7 @@ def _cells(row: str, delimiter: str) -> list[str]:
 
 
 def _split(rows: list[str], table: Table[Any]) -> tuple[list[str], str, str]:
-    """CSV `rows` with one delimiter between cells, then this delimiter, and the mark of
-    decimals, guessed where `table` does not state them.
+    """CSV `rows` with one delimiter between cells, this delimiter and the decimal mark.
 
     They are guessed where `table` states none. A cell with a decimal comma counts as no
     delimiter, unless it is the whole row in the middle. Any number of blanks is one.
@@ -492,17 +477,14 @@ def _is_number(text: str) -> bool:
 def units_of(
     column: str, measures: Mapping[str, Mapping[str, float]] = MEASURES
 ) -> Mapping[str, float]:
-    """Units that the `column` of the cell may have, the SI unit first, each with its
-    factor to the SI unit.
-    """
+    """Units that the cell's `column` may have with their factors to SI, SI first."""
     return measures.get(column, measures[""])
 
 
 def _values(
     content: pa.Table, column: Column, name: str, known: Mapping[str, float], path: Path
 ) -> Array:
-    """Values of a foreign column in SI units and along the axes of the cell, one for
-    each row.
+    """Values (n,) of a foreign column in SI units, along the axes of the cell.
 
     Raises ConfigurationError for a unit that is not `known`, a missing column, or one
     that holds no numbers.
@@ -533,9 +515,7 @@ def _values(
 
 
 def _check_unit(raw: pa.ChunkedArray, column: Column, origin: str) -> None:
-    """Raise ConfigurationError where the cells of a column state another unit than the
-    mapping does.
-    """
+    """Raise ConfigurationError where cells state another unit than the mapping."""
     told = unit_in_cells(raw) or ""
     stated = column.unit
     unit = UNITS.get(told.lower(), stated)
@@ -547,9 +527,7 @@ def _check_unit(raw: pa.ChunkedArray, column: Column, origin: str) -> None:
 
 
 def _numbers(raw: pa.ChunkedArray, origin: str, known: Mapping[str, float]) -> Array:
-    """Numbers of a foreign column, one for each row; ConfigurationError, which names
-    its `origin`, where it holds anything else.
-    """
+    """Numbers (n,) of a foreign column; ConfigurationError where it holds others."""
     if (numbers := numbers_of(raw)) is not None:
         return numbers
     where = next(
@@ -568,9 +546,7 @@ def _numbers(raw: pa.ChunkedArray, origin: str, known: Mapping[str, float]) -> A
 
 
 def documents_of(run: Run) -> dict[str, bytes]:
-    """YAML documents of `run` that are exported with it, by file name; empty for a file
-    that is missing.
-    """
+    """YAML documents of `run` that are exported, by file name; empty if missing."""
     files = (run.folder / name for name in (RUN, RESULT, CALIBRATION))
     return {
         file.name: read_bytes(file, MEGABYTE) if file.is_file() else b""

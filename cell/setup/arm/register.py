@@ -31,8 +31,8 @@ OFF_LINE = 0.1  # m, at least, of the third point from the line of the first two
 
 
 def touched_point(pose: Sequence[float]) -> Array:
-    """Point [m], in the frame of the robot's base, that the closed fingers of the hand
-    touch when the arm reports the sixteen numbers `pose`.
+    """Point [m], an array of shape (3,) in the frame of the robot's base, that the
+    closed fingers touch when the arm reports the sixteen numbers `pose`.
 
     A pose is that of the middle between the pads: the fingers reach beyond it.
     """
@@ -41,8 +41,8 @@ def touched_point(pose: Sequence[float]) -> Array:
 
 
 def mounting_from_points(points: Array, length: float) -> Mounting:
-    """Where the robot stands in the cell, computed from three `points` [m] in the frame
-    of its base that its fingers have touched, a row for each.
+    """Where the robot stands in the cell, computed from `points` [m] of shape (3, 3) in
+    the frame of its base that its fingers have touched, a row for each.
 
     Raises CellError for a strip of another `length` [m] or a desk that is not level.
     """

@@ -302,7 +302,7 @@ def _read_states(pipe: Connection, address: str, seconds: float) -> None:
 
 def link_of(times: NDArray[np.int64], arrivals: Array) -> NetworkLink:
     """Statistics of a network link from the clock `times` [ms] of the robot's states
-    and their `arrivals` [s], one of each for each state.
+    and their `arrivals` [s], both of shape (states,).
 
     The time BUFFERED at the start does not count: what waits in a buffer arrives at
     once.

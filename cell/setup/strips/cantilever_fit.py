@@ -60,9 +60,9 @@ class RestCurvaturePrior:
     spread: float = 0.0
 
     def fields(self, overhang: float, width: float) -> Array:
-        """Curvatures [1/m] at the points where a strip bends, one column for each
-        unknown, whose sum, weighted by standard normal numbers, is the strip's
-        curvature without load.
+        """Curvatures [1/m], of shape (hinges, unknowns), whose columns, each times a
+        standard normal number, add up to the curvature of the strip without load at
+        each point where it bends.
 
         A curl is one constant field. A set adds one at each knot, independent of the
         others.
@@ -118,8 +118,8 @@ class MidlineProblem:
         self._local_frames = _local_frames(photograph)
 
     def trial(self, values: Array) -> TrialShape:
-        """Shape of the strip for the unknowns `values`, and its distances from the
-        midline; NoRest where the strip finds no equilibrium.
+        """Shape of the strip for the unknowns `values`, of shape (unknowns,), and its
+        distances from the midline; NoRest where the strip finds no equilibrium.
         """
         measured = self.photograph
         hanging = hanging_shape(
@@ -154,8 +154,9 @@ class MidlineProblem:
         return TrialShape(hanging, misses, self._project_motion(motions))
 
     def residuals(self, values: Array) -> Array:
-        """Distances from the midline, then deviations of the unknowns from what is
-        assumed of them, all in standard deviations, at the unknowns `values`.
+        """Residuals, of shape (residuals,) and in standard deviations, at the unknowns
+        `values`: distances from the midline, then deviations of the unknowns from what
+        is assumed of them.
         """
         try:
             misses = self.trial(values).misses
@@ -164,14 +165,15 @@ class MidlineProblem:
         return np.concatenate([misses, values * self._weights])
 
     def jacobian(self, values: Array) -> Array:
-        """Derivatives of the residuals by the unknowns at `values`, a row for each
-        residual and a column for each unknown.
+        """Derivatives of the residuals by the unknowns at `values`, an array of shape
+        (residuals, unknowns).
         """
         return np.concatenate([-self.trial(values).slopes, np.diag(self._weights)])
 
     def loss(self, squares: Array) -> Array:
-        """Loss of each squared residual and its first two derivatives, in three rows:
-        outliers of the midline count less, deviations of the unknowns in full.
+        """Loss of each squared residual and its first two derivatives, of shape (3,
+        residuals): outliers of the midline count less, deviations of the unknowns in
+        full.
         """
         is_far = squares > ROBUST**2
         is_far[-self.size :] = False  # priors
@@ -182,8 +184,8 @@ class MidlineProblem:
         return np.array([loss, weight, np.zeros_like(loss)])
 
     def precision(self, values: Array) -> Array:
-        """Inverse of the covariance of the unknowns at `values`, a square matrix with a
-        row for each unknown.
+        """Inverse of the covariance of the unknowns at `values`, an array of shape
+        (unknowns, unknowns).
         """
         slopes = self.jacobian(values)
         _, weight, _ = self.loss(self.residuals(values) ** 2)

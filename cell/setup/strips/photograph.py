@@ -55,8 +55,8 @@ class Midline:
 
 
 def extract_midline(image: Image, count: int = 200) -> Midline:
-    """Midline of the bright object that enters at the left border of `image`, as
-    `count` points.
+    """Midline of the bright object that enters `image`, of shape (height, width, 3), at
+    its left border, as `count` points.
 
     Points are at equal steps from the border to the tip; fluff, specks and background
     gradients are ignored. Raises ConfigurationError for an image without such an

@@ -31,8 +31,8 @@ LARGEST_CONDITION = 100.0
 
 
 def transmissions(model: Any, data: Any) -> Array:
-    """Moment arms of the actuators in the pose of `data`, a row for each actuator and a
-    column for each degree of freedom, where MuJoCo has already computed positions.
+    """Moment arms of the actuators in the pose of `data`, whose positions MuJoCo has
+    computed, as an array of shape (actuators, degrees of freedom).
     """
     dense = np.zeros((model.nu, model.nv))
     mujoco.mju_sparse2dense(

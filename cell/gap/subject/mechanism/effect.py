@@ -165,8 +165,9 @@ def per_joint(
     role: Role = "amount",
     high: float = 250.0,
 ) -> tuple[Parameter, ...]:
-    """Parameters named `key_JOINT`, one for each joint, of typical sizes `size`; in
-    their `unit`, slides have N and m in place of N m and rad.
+    """Parameters named `key_JOINT`, one for each joint, whose typical sizes are the
+    array `size` of shape (joints,); for slides the `unit` has N and m in place of N m
+    and rad.
     """
     slides = unit.replace("N m", "N").replace("rad", "m")
     found = []

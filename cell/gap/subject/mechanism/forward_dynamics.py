@@ -58,8 +58,8 @@ class Commands(NamedTuple):
     u: Array
 
     def at_steps(self, step: float, steps: int, delay: Array | float) -> Array:
-        """Mean command of each actuator in each of the time steps, `steps` rows for
-        steps of `step` [s], where commands act `delay` [s] late.
+        """Mean commands in an array of shape (steps, actuators), for time steps of
+        `step` [s], where commands act `delay` [s] late.
         """
         if not self.u.shape[1]:
             return np.zeros((steps, 0))
@@ -360,8 +360,8 @@ class ForwardDynamics(MechanismSubject):
         return Content(cut, speed, recording.load, commands=commands, start=start)
 
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
-        """Predicted signals of each of `cases`, a row for each signal and a column for
-        each reading; None where the simulation diverges.
+        """Predicted signals of each of `cases`, as an array of shape (signals,
+        readings); None where the simulation diverges.
         """
         by_motion: dict[Hashable, list[int]] = {}
         ends = [case.content.cut.t[-1] for case in cases]

@@ -461,8 +461,8 @@ def _touch_values(touch: Touch) -> Array:
 
 
 def average(values: Array, part: SampleGroups) -> tuple[Array, Array]:
-    """Mean and mean square of the readings in each sample of `part`, where readings far
-    from the sample's median are clipped.
+    """Mean and mean square, each of shape (samples,), of the readings in each sample of
+    `part`, where readings far from the sample's median are clipped.
     """
     mean, square = np.empty((2, len(part)))
     if len(mean):

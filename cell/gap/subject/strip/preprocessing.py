@@ -27,8 +27,8 @@ FEWEST_POINTS = 5  # points of an image that is used
 
 
 def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
-    """Smoothed gripper path: new even times [s], and a pose for each, of a path whose
-    `poses` were measured at times `t` [s] with noise `sigma` [m].
+    """Smoothed gripper path, as even times [s] of shape (k,) and poses of shape (k, 3),
+    from `poses` measured at times `t` [s] with noise `sigma` [m].
 
     A parabola through the points near each moment (Savitzky and Golay 1964); the more
     noise, the more points. A servo's limited jerk bends a path too little for the

@@ -295,8 +295,8 @@ def check_effects(mechanism: Mechanism) -> None:
 def ordered_values(
     effect: MechanismEffect, mechanism: Mechanism, values: Mapping[str, float]
 ) -> Array:
-    """Values of an effect's parameters as an array in their order, taken from `values`
-    by name, and the start value where a name is missing there.
+    """Values of an effect's parameters in their order, as an array of shape
+    (parameters,), from `values` by name; the start value where a name is missing there.
     """
     found = []
     for p in effect.with_shape(mechanism):

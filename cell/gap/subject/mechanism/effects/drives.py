@@ -28,8 +28,8 @@ def _edit_constant(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Constant torque [N m] that equals the parameter `p[at]`, one for each of the
-    joint angles `q`, whatever the rates `v` and loads `load`.
+    """Constant torque [N m] that equals the parameter `p[at]`, in an array of the same
+    shape as the angles `q`, whatever the rates `v` and loads `load`.
     """
     return p[at] + 0.0 * q
 

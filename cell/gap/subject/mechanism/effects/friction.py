@@ -72,9 +72,9 @@ def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque [N m] of dry friction at joint angles `q` and rates `v`: opposite to the
-    rate, constant but for its growth with `load`, a peak at low rates, and another size
-    in each direction.
+    """Torque [N m] of dry friction against the rates `v`, of the same shape as these:
+    constant but for growth with `load`, a peak at low rates, and another size in each
+    direction.
     """
     sign = np.tanh(v / p[1])
     return -dry_limit(q, v, load, p, at) * (sign + p[at + 2] * abs(sign))
@@ -82,8 +82,9 @@ def dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 @register_jitable  # type: ignore[untyped-decorator]
 def dry_limit(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Size [N m] of dry friction at joint angles `q`, rates `v` and gear loads `load`;
-    of a joint at rest it is the largest torque that friction withstands.
+    """Size [N m] of dry friction at joint rates `v` and gear loads `load`, of the same
+    shape as these; of a joint at rest it is the largest torque that friction
+    withstands.
     """
     peak = p[at + 3] * np.exp(-((v / p[at + 4]) ** 2)) if p[at + 3] else 0.0
     return p[at] + p[at + 1] * abs(load) + peak
