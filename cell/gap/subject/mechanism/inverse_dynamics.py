@@ -45,7 +45,9 @@ PLAY_SMOOTHING = 0.05
 
 
 class InverseDynamics(MechanismSubject):
-    """Predicts the torques of a mechanism's actuators along its measured motion."""
+    """Measured runs of a mechanism, of which the actuators' torques are predicted by
+    inverse dynamics along the measured motion.
+    """
 
     notes: Sequence[str] = (
         "torques of the measured motion are compared; the motion itself is not"
@@ -90,8 +92,8 @@ class InverseDynamics(MechanismSubject):
         self.runs = tuple(map(self._run, recordings))
 
     def _with_standing(self, recording: Recording) -> Recording:
-        """Copy of a recording with columns of joints that stand at their stated
-        pose.
+        """Copy of a recording with a constant column for each joint that stands still
+        at its stated position.
         """
         model = self._model
         standing = self._loop.stand if self._loop else ()
@@ -102,8 +104,8 @@ class InverseDynamics(MechanismSubject):
         return replace(recording, columns={**recording.columns, **columns})
 
     def _notes_on_model(self, given: Sequence[int]) -> Iterator[str]:
-        """Notes on torques that inverse dynamics leaves out, and on open kinematic
-        loops.
+        """Yield notes on the torques that inverse dynamics leaves out, and on kinematic
+        loops that the measured motion leaves open.
         """
         mechanism = self.mechanism
         loop = self._loop
@@ -130,7 +132,9 @@ class InverseDynamics(MechanismSubject):
             )
 
     def not_honoured(self) -> Iterator[str]:
-        """Names of the parts of the model that inverse dynamics would ignore."""
+        """Names of the parts of the model whose torques inverse dynamics
+        would ignore.
+        """
         model = self.mechanism.model
         yield from (
             f"tendon {model.tendon(i).name}: its frictionloss"
@@ -150,8 +154,8 @@ class InverseDynamics(MechanismSubject):
                 )
 
     def _run(self, recording: Recording) -> FitRun:
-        """Run for the engine, with the noise that the measured motion adds to
-        torques.
+        """Run for a fit, in whose noise is also what the noise of the measured motion
+        adds to the predicted torques.
         """
         run = super()._run(recording)
         content = run.content
@@ -164,8 +168,8 @@ class InverseDynamics(MechanismSubject):
         return replace(run, samples=replace(known, noise=noise, reading=reading))
 
     def _content(self, recording: Recording, cut: Cut) -> Content:
-        """Content of a run with its motion: filtered torques, without those near
-        gaps.
+        """Readings `cut` from a run, with torques filtered as the motion is, and
+        without readings near gaps of the record.
         """
         names = [signal.name for signal in self.mechanism.signals]
         motion = motion_of(
@@ -191,8 +195,8 @@ class InverseDynamics(MechanismSubject):
         return Content(cut, speed, recording.load, motion=motion)
 
     def _barred(self, q: Array, measured: Array) -> NDArray[np.bool_]:
-        """Mask (m,) of positions at limits of joints or tendons, or of torques at their
-        limits.
+        """Mask, one value for each time, of the moments at which a joint or tendon
+        stands at its limit, or a motor gives its largest torque.
 
         `q` (m, joints) are positions, `measured` (signals, m) readings of which torques
         come first.
@@ -218,7 +222,9 @@ class InverseDynamics(MechanismSubject):
         return np.asarray(barred, dtype=bool)
 
     def predict(self, cases: Sequence[Case]) -> list[Array]:
-        """Signals (signals, k) of each case at the k times of its readings."""
+        """Predicted signals of each of `cases`, as an array of shape (signals,
+        readings).
+        """
         with ThreadPoolExecutor(self._jobs) as pool:
             found = list(pool.map(self._signals, cases))
         known = self._known
@@ -227,8 +233,8 @@ class InverseDynamics(MechanismSubject):
         return found
 
     def _encoder_error(self, motion: FilteredMotion, t: Array) -> Array:
-        """Standard deviation (torques, k) of predictions at times t (k,) [s] by encoder
-        noise.
+        """Standard deviation of the predicted torques that the noise of the encoders
+        causes, a row for each torque and a column for each time in `t` [s].
         """
         model = self._model
         q = motion.q
@@ -246,20 +252,22 @@ class InverseDynamics(MechanismSubject):
         return interpolate_columns(t, motion.t, np.sqrt(squares).T).T
 
     def contradictions(self) -> Iterator[Finding]:
-        """Findings on recordings, and on torques in another unit, sign or time than the
-        model's.
+        """Findings on the recordings, and on measured torques in another unit, of
+        another sign or at another time than the model's.
         """
         yield from super().contradictions()
         yield from self.judge()
 
     def judge(self) -> Iterator[Finding]:
-        """Findings on torques in another unit, sign or time than the model's."""
+        """Findings on measured torques in another unit, of another sign or at another
+        time than the model's.
+        """
         by_run = {run.name: self._compared_torques(run) for run in self.runs}
         yield from judge_torques(self.mechanism, by_run)
 
     def _compared_torques(self, run: FitRun) -> list[JointTorques]:
-        """Torques of each signal along the motion of `run`, as measured and as
-        stated.
+        """Torques of each signal along the motion of `run`, both as measured and as the
+        model predicts them as it is stated.
         """
         motion = run.content.motion
         case = self._case(self.stated(run))
@@ -287,13 +295,15 @@ class InverseDynamics(MechanismSubject):
         ]
 
     def _signals(self, case: Case) -> Array:
-        """Signals (signals, k) of one case at its readings."""
+        """Predicted signals at the readings of a run, a row for each signal and a
+        column for each reading.
+        """
         motion: FilteredMotion = case.content.motion
         return motion.below_cutoff(self._along(case), case.content.cut.t)
 
     def _along(self, case: Case) -> Array:
-        """Signals (signals, m) of one case along its motion: torques, and trackings if
-        compared.
+        """Predicted signals at all times of the measured motion, a row for each signal:
+        torques, then positions minus commands where these are compared.
         """
         model = case.edited(self._model)
         readings = case.readings
@@ -320,8 +330,8 @@ class InverseDynamics(MechanismSubject):
         return self._torques(model, case, q, v, inverse)
 
     def _loads(self, motion: FilteredMotion, model: Any, inverse: Array) -> Array:
-        """Torques (m, joints) that gears bear: measured ones, `inverse` dynamics for
-        others.
+        """Torques that the joints' gears bear, a row for each time: measured ones where
+        there are any, and those of `inverse` dynamics elsewhere.
 
         Those of the motors' own motion differ from them where links resonate on their
         gears.
@@ -334,8 +344,8 @@ class InverseDynamics(MechanismSubject):
     def _torques(
         self, model: Any, case: Case, q: Array, v: Array, inverse: Array
     ) -> Array:
-        """Torque readings (torques, m): `inverse` dynamics (m, joints) less torques of
-        effects.
+        """Predicted torque readings, a row for each sensor: the torques of `inverse`
+        dynamics without those that effects such as friction add.
         """
         motion: FilteredMotion = case.content.motion
         t = motion.t
@@ -376,8 +386,8 @@ class InverseDynamics(MechanismSubject):
         inverse: Array,
         user: Array,
     ) -> None:
-        """Blend the torques `applied` (m, joints) into static friction where a joint
-        stands.
+        """Change the torques `applied`, a row for each time and a column for each
+        joint, so that static friction holds a joint that stands.
 
         There it balances whatever the motor gives, by its readings `measured` (signals,
         m), up to a limit, and no law of the rate says how much that is (Karnopp 1985,
@@ -401,8 +411,8 @@ class InverseDynamics(MechanismSubject):
             applied[:, j] += standing * (static - sliding)
 
     def _torque_per_reading(self, model: Any, sensor: Signal) -> float:
-        """Torque [N m] at its joint per unit of the reading of `sensor`, by gains of
-        `model`.
+        """Torque [N m] at the joint of `sensor` for one unit of its reading, with the
+        motor gains of `model`.
         """
         gain, stated = (
             m.actuator_gainprm[sensor.actuator, 0] for m in (model, self._model)
@@ -412,7 +422,8 @@ class InverseDynamics(MechanismSubject):
     def _joint_torque(
         self, forces: Array | None, sensor: Signal, required: Array
     ) -> Array:
-        """Motor torque (m,) [N m] at the joint of `sensor` for `required` (m, joints).
+        """Torque [N m] of the motor, at the joint of `sensor`, that gives all joints
+        the torques `required`, with a value for each time.
 
         `forces` are those of `FilteredMotion`, of actuators along closed loops; None
         without loops.
@@ -425,8 +436,8 @@ class InverseDynamics(MechanismSubject):
         return torque
 
     def _readings(self, model: Any, forces: Array | None, required: Array) -> Array:
-        """Readings (torques, m) of all sensors where the torques `required` (m, joints)
-        act.
+        """Readings of all torque sensors, a row for each, where the joints bear the
+        torques `required`, with a row for each time.
         """
         rows = [
             self._joint_torque(forces, sensor, required)
@@ -436,8 +447,8 @@ class InverseDynamics(MechanismSubject):
         return np.array(rows)
 
     def _tracking(self, motion: FilteredMotion, case: Case, deflection: Array) -> Array:
-        """Measured minus commanded positions (trackings, m), by delay and `deflection`
-        of gears.
+        """Measured minus commanded positions, a row for each that is compared, as the
+        delay of commands and the `deflection` of gears cause them.
         """
         delay = case.readings.command
         t = motion.t
@@ -448,8 +459,8 @@ class InverseDynamics(MechanismSubject):
 
 
 def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:
-    """Torques (m, joints) of rigid bodies, springs, damping and air along a motion (m,
-    joints).
+    """Torques of rigid bodies, springs, damping and air along a motion, a row for each
+    time and a column for each joint, as of the positions `q`.
     """
     data = mujoco.MjData(model)
     torque = np.empty_like(q)
@@ -459,8 +470,8 @@ def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:
 
 
 def _play_deflection(torque: Array, gap: Array | float) -> Array:
-    """Angles (m, joints) by which play of width `gap` (joints,) leaves links behind
-    `torque`.
+    """Angles by which play in the gears, of width `gap` for each joint, leaves the
+    links behind the motors, of the same shape as `torque`.
     """
     crossing = PLAY_SMOOTHING * torque.std(axis=0) + 1e-12  # never zero
     behind: Array = 0.5 * gap * np.tanh(torque / crossing)
@@ -486,8 +497,8 @@ def _run_along(  # type: ignore[no-untyped-def]
     a: Array,
     out: Array,
 ) -> None:
-    """Write inverse dynamics (m, joints) of each row of q, v, a (m, joints) to
-    `out`.
+    """Write into `out` the torques of inverse dynamics for each row of the positions
+    `q`, rates `v` and accelerations `a`.
     """
     for k in range(q.shape[0]):
         qpos[:] = q[k]

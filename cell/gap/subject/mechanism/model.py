@@ -37,8 +37,8 @@ SMOOTHED = 0.02  # of a joint's typical rate: the same along measured motion
 
 @dataclass(frozen=True, slots=True)
 class PredictionMode:
-    """Mode of prediction, such as forward or inverse: what it predicts, and possible
-    effects.
+    """Mode in which a mechanism is compared with its runs, such as forward simulation:
+    what it predicts, and which effects it can show.
 
     In mode forward the model is integrated under the recorded commands, and so it is in
     mode planar, that of pendulums; in mode prescribed inverse dynamics gives torques
@@ -107,8 +107,8 @@ MODES: Mapping[str, PredictionMode] = {
 
 
 class Joint(NamedTuple):
-    """Hinge or slide of a model, with typical torque [N m], rate [rad/s], inertia [kg
-    m^2].
+    """Hinge or slide of a model, with its typical torque [N m], rate [rad/s] and moved
+    inertia [kg m^2]; those of a slide are in N, m/s and kg.
 
     Its number is that of its position, rate and degree of freedom, too.
     `actuator` is the number of the motor that drives it, -1 where none does; `travel`
@@ -125,7 +125,8 @@ class Joint(NamedTuple):
 
 
 class BaseParameter(NamedTuple):
-    """Base parameter of a fit, with the function `put` that sets its value in a model.
+    """Parameter of the mechanism's own file that is fitted, with the function `put`
+    that sets its value in a MuJoCo model.
 
     `scatter` is how it differs from run to run, if it does.
     """
@@ -137,8 +138,8 @@ class BaseParameter(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """Mechanism of a file: its compiled model with joints, compared signals and
-    recordings.
+    """Mechanism that a file describes: its compiled MuJoCo model, the signals that are
+    compared, and its recordings.
 
     `pace` [rad/s] is how fast the signals change, `base` are what the file lists as
     uncertain. Where trackings are compared, positions are those of links, and motors
@@ -158,14 +159,14 @@ class Mechanism:
 
     @property
     def mode(self) -> PredictionMode:
-        """Mode in which the mechanism is compared with its runs, such as forward or
-        inverse dynamics.
+        """Mode of prediction in which the mechanism is compared with its runs, such as
+        forward or inverse dynamics.
         """
         return MODES[self.file.mode]
 
     def compared(self, kind: str) -> tuple[Signal, ...]:
-        """Compared signals of a `kind`; in mode prescribed torques come first, then
-        trackings.
+        """Compared signals of the given `kind`, such as torque; in inverse dynamics
+        torques come first among all signals.
         """
         return tuple(signal for signal in self.signals if signal.kind == kind)
 
@@ -188,17 +189,17 @@ class Mechanism:
 
     @property
     def torque(self) -> Array:
-        """Typical torque (joints,) [N m] of each joint."""
+        """Typical torque [N m] of each joint, as an array of shape (joints,)."""
         return np.array([joint.torque for joint in self.joints])
 
     @property
     def rate(self) -> Array:
-        """Typical rate (joints,) [rad/s] of each joint."""
+        """Typical rate [rad/s] of each joint, as an array of shape (joints,)."""
         return np.array([joint.rate for joint in self.joints])
 
     @property
     def inertia(self) -> Array:
-        """Inertia (joints,) [kg m^2] that each joint moves."""
+        """Inertia [kg m^2] that each joint moves, as an array of shape (joints,)."""
         return np.array([joint.inertia for joint in self.joints])
 
 
@@ -208,8 +209,8 @@ def poses(
     compute: Callable[[Any, Any], None],
     v: Iterable[Array] | None = None,
 ) -> Iterator[Any]:
-    """MuJoCo's data of a `model`, as `compute` leaves it, at each of positions `q` (m,
-    joints).
+    """Yield MuJoCo's data of a `model` after the function `compute` has filled it, at
+    each of the positions `q` of shape (m, joints).
 
     Rates `v` (m, joints) are zero where none are given.
     """
@@ -221,7 +222,8 @@ def poses(
 
 
 def tip(model: Any) -> tuple[int, Array]:
-    """Last body that a joint moves, and the place (3,) [m] of its end in its frame.
+    """Number of the last body that a joint moves, and the place [m] of that body's end
+    in its own frame, of shape (3,).
 
     That is the farthest site or twice the centre of mass.
     """
@@ -231,14 +233,16 @@ def tip(model: Any) -> tuple[int, Array]:
 
 
 def scale_gain(edited: Any, actuator: int, factor: float) -> None:
-    """Multiply gain and bias of actuator number `actuator` by a `factor`."""
+    """Multiply the gain and the bias of the actuator with the number `actuator` in the
+    MuJoCo model `edited` by `factor`.
+    """
     edited.actuator_gainprm[actuator, :3] *= factor
     edited.actuator_biasprm[actuator, :3] *= factor
 
 
 def add_point(edited: Any, mass: float, body: int, place: Array) -> None:
-    """Add a point `mass` [kg] at `place` (3,) [m] in a body's frame to its mass and
-    inertia.
+    """Add a point of mass `mass` [kg] at `place` [m], of shape (3,) in the frame of the
+    body numbered `body`, to that body in the model `edited`.
     """
     one = edited.body(body)
     stated = one.mass[0]
@@ -257,7 +261,9 @@ def add_point(edited: Any, mass: float, body: int, place: Array) -> None:
 
 
 def check_joints(model: Any, origin: str) -> None:
-    """Refuse joints of a model without a name, and others than hinges and slides."""
+    """Raise ConfigurationError where a joint of a model has no name, or is neither a
+    hinge nor a slide.
+    """
     for i in range(model.njnt):
         name = model.joint(i).name
         kind = int(model.jnt_type[i])
@@ -276,15 +282,17 @@ def check_joints(model: Any, origin: str) -> None:
 
 
 def actuator_on(model: Any, joint: int) -> int:
-    """Number of the first actuator on joint number `joint`; -1 where there is none."""
+    """Number of the first actuator that drives the joint with the number `joint`; -1
+    where there is none.
+    """
     on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     hits = np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint))
     return int(hits[0]) if len(hits) else -1
 
 
 def typical_loads(model: Any) -> tuple[Array, Array]:
-    """Largest torque of gravity and mean inertia (nv,) by degree of freedom, in random
-    poses.
+    """Largest torque of gravity and mean inertia of each degree of freedom of a model,
+    both of shape (degrees of freedom,), in random poses.
     """
     rng = np.random.default_rng(0)
     count = model.nv
@@ -322,8 +330,8 @@ def number_of(model: Any, kind: str, name: str, origin: str, key: str) -> int:
 
 
 def base_of(mechanism: Mechanism) -> tuple[BaseParameter, ...]:
-    """Base parameters that a file lists as `uncertain`; ConfigurationError for unknown
-    names.
+    """Parameters that the file of a mechanism lists as uncertain; ConfigurationError
+    where it names what the model does not have.
     """
     origin = f"{mechanism.path}: uncertain"
     found: dict[str, BaseParameter] = {}
@@ -339,8 +347,8 @@ def base_of(mechanism: Mechanism) -> tuple[BaseParameter, ...]:
 def _expand(
     spec: UncertainSpec, mechanism: Mechanism, origin: str
 ) -> Iterator[BaseParameter]:
-    """Base parameters of one entry of `uncertain`, one or more for each owner that `*`
-    matches.
+    """Yield the parameters of one entry in the list of uncertain fields, at least one
+    for each part that a `*` stands for.
     """
     model = mechanism.model
     kind, _ = FIELDS[spec.field]
@@ -362,8 +370,8 @@ def _expand(
 
 
 def _free_axes(model: Any, body: int) -> Iterator[str]:
-    """Axes of a body on which its centre of mass affects motion: those not along all
-    hinges.
+    """Yield the axes, among x, y and z of a body, along which a shift of its centre of
+    mass affects the motion.
     """
     (data,) = poses(model, [model.qpos0], mujoco.mj_kinematics)
     along = np.abs(data.xaxis @ data.xmat[body].reshape(3, 3)) > 1.0 - PARALLEL
@@ -376,8 +384,8 @@ def _free_axes(model: Any, body: int) -> Iterator[str]:
 def _base_parameter(
     spec: UncertainSpec, mechanism: Mechanism, number: int, name: str, axis: str
 ) -> BaseParameter:
-    """Base parameter for one field of one owner, with its bounds; `axis` of a centre of
-    mass.
+    """Parameter, with its bounds, for one uncertain field of the part with the number
+    `number`; `axis` is that of a centre of mass.
     """
     field = spec.field
     start, put, size = _access(field, mechanism, number, axis)
@@ -412,7 +420,9 @@ def _base_parameter(
 
 
 def _spread_width(spread: float | str, size: float) -> float:
-    """Absolute spread: the stated one, or the stated percentage of `size`."""
+    """Width of the prior of a field: the stated `spread` or, where that is a
+    percentage, this part of `size`.
+    """
     if isinstance(spread, str):
         return float(spread.rstrip("%")) / 100.0 * max(abs(size), SMALLEST)
     return float(spread)
@@ -421,8 +431,8 @@ def _spread_width(spread: float | str, size: float) -> float:
 def _access(
     field: str, mechanism: Mechanism, i: int, axis: str
 ) -> tuple[float, Callable[[Any, float], None], float]:
-    """Start value, setter and typical size (for percentages) of the `field` of owner
-    `i`.
+    """Start value of the `field` of part number `i`, the function that sets it in a
+    model, and its typical size, to which percentages refer.
     """
     model: Any = mechanism.model
     if field == "mass":
@@ -458,6 +468,8 @@ def _access(
 
 
 def _set_mass(edited: Any, i: int, value: float) -> None:
-    """Set a body's mass [kg], and scale its inertia in proportion."""
+    """Set the mass of body number `i` in the model `edited` to `value` [kg], and scale
+    its inertia in proportion.
+    """
     edited.body_inertia[i] *= value / edited.body_mass[i]
     edited.body_mass[i] = value

@@ -33,8 +33,8 @@ _MEMORY_LOCK = Lock()  # of the limit, which is the whole process's
 
 @dataclass(frozen=True, slots=True)
 class ModelSource:
-    """Text of a MuJoCo model; of the joints `motors`, those that nothing drives get a
-    motor each.
+    """Text of a MuJoCo model, from which it is compiled; those joints named in `motors`
+    that nothing drives get a motor each.
 
     Its paths count from `folder`, and stay `within` that of the mechanism's file.
     `digests` are the SHA-256 of the model, included files and meshes, by path, each as
@@ -48,7 +48,9 @@ class ModelSource:
     digests: Mapping[Path, str] = field(default_factory=dict)
 
     def spec(self) -> Any:
-        """MuJoCo specification of the model."""
+        """Specification of the model, as MuJoCo parses it from the text, with the added
+        motors.
+        """
         spec = mujoco.MjSpec.from_string(self.text)
         spec.modelfiledir = f"{self.folder}/"
         for body in spec.bodies[1:]:
@@ -67,8 +69,8 @@ class ModelSource:
 
 
 def read_source(path: Path, folder: Path) -> ModelSource:
-    """Read the MJCF or URDF model at `path` with its included files, without foreign
-    code.
+    """Read the text of the MJCF or URDF model at `path` with all files that it
+    includes, and refuse whatever would run foreign code.
 
     Raises ConfigurationError for text that is no XML, plugins, files that are read
     while parsing, and files outside `folder`.
@@ -104,8 +106,8 @@ def read_source(path: Path, folder: Path) -> ModelSource:
 
 
 def _root(text: str, path: Path) -> ET.Element:
-    """Root element of the XML `text`; ConfigurationError where it is invalid or has
-    entities.
+    """Root element of the XML `text`; ConfigurationError where it is invalid or
+    declares entities.
     """
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
         raise ConfigurationError(f"{path}: declares XML entities; write them out")
@@ -129,8 +131,8 @@ def _root(text: str, path: Path) -> ET.Element:
 def _include(
     root: ET.Element, path: Path, folder: Path, digests: dict[Path, str]
 ) -> bool:
-    """Replace `include` elements by the content of their files; returns whether any was
-    found.
+    """Replace each `include` element below `root` by the content of the file that it
+    names, and return whether there was any.
 
     `digests` of the files so far are added to. Paths count from the folder of the
     model, and a file is included once, as MuJoCo has it.
@@ -155,8 +157,8 @@ def _include(
 
 
 def _plain_urdf(root: ET.Element, folder: Path, place: Path) -> None:
-    """Remove elements of other programs from a URDF in `place`, and resolve its
-    packages.
+    """Remove elements that are meant for other programs from a URDF model, and replace
+    names of packages in its paths by files.
     """
     for parent in list(root.iter()):
         parent[:] = [e for e in parent if e.tag != "gazebo" and ":" not in e.tag]
@@ -172,7 +174,9 @@ def _plain_urdf(root: ET.Element, folder: Path, place: Path) -> None:
 
 
 def _check_copies(root: ET.Element, path: Path, copies: int = 1) -> None:
-    """Refuse elements such as `replicate` that multiply bodies beyond MOST_BODIES."""
+    """Raise ConfigurationError where elements such as `replicate` would multiply bodies
+    beyond a limit.
+    """
     for element in root:
         stated = element.get("count", "") if element.tag in REPEATERS else ""
         counts = map(int, re.findall(r"[0-9]+", stated))
@@ -186,8 +190,8 @@ def _check_copies(root: ET.Element, path: Path, copies: int = 1) -> None:
 
 
 def _inside(origin: Path, place: Path, folder: Path) -> Path:
-    """Resolved path of a regular file `place` in `folder`; ConfigurationError for any
-    other.
+    """Resolved path of the file `place`; ConfigurationError where it lies outside
+    `folder` or is no regular file.
     """
     whole = place.resolve()
     name = os.path.relpath(place, folder)
@@ -204,7 +208,8 @@ def _inside(origin: Path, place: Path, folder: Path) -> Path:
 
 
 def with_assets(source: ModelSource, origin: str) -> ModelSource:
-    """Copy of `source` whose digests are also of the meshes and textures that it names.
+    """Copy of `source` that also holds the digests of all meshes and textures that the
+    model names.
 
     Raises ConfigurationError as `compile_model`.
     """
@@ -217,8 +222,8 @@ def with_assets(source: ModelSource, origin: str) -> ModelSource:
 
 
 def _check_spec(spec: Any, source: ModelSource, origin: str) -> None:
-    """Refuse files that a parsed model names outside its folder, and models that are
-    too large.
+    """Raise ConfigurationError where a parsed model names files outside its folder or
+    is too large.
     """
     count = len(spec.bodies)
     if count > MOST_BODIES:
@@ -241,8 +246,8 @@ def _check_spec(spec: Any, source: ModelSource, origin: str) -> None:
 
 
 def _assets(spec: Any, source: ModelSource, origin: str) -> Iterator[Path]:
-    """Files of meshes and textures of a parsed model; ConfigurationError outside its
-    folder.
+    """Yield the paths of the meshes and textures of a parsed model; ConfigurationError
+    for one outside its folder.
     """
     shapes = [x.file for x in (*spec.meshes, *spec.hfields, *spec.skins)]
     textures = [name for x in spec.textures for name in (x.file, *x.cubefiles)]
@@ -255,7 +260,9 @@ def _assets(spec: Any, source: ModelSource, origin: str) -> Iterator[Path]:
 
 @contextmanager
 def _limited_memory() -> Iterator[None]:
-    """Within the block the process gets at most MOST_MEMORY beside what it has."""
+    """Context within which this process gets only a limited amount of memory beyond
+    what it has.
+    """
     pages, *_ = Path("/proc/self/statm").read_text(encoding="ascii").split()
     space = resource.RLIMIT_AS
     with _MEMORY_LOCK:
@@ -271,7 +278,9 @@ def _limited_memory() -> Iterator[None]:
 
 @contextmanager
 def _loading(source: ModelSource, origin: str) -> Iterator[None]:
-    """Context that turns what MuJoCo raises on a model into a ConfigurationError."""
+    """Context that turns the errors which MuJoCo raises while it loads a model into a
+    ConfigurationError about `origin`.
+    """
     try:
         yield
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
@@ -285,8 +294,8 @@ def _loading(source: ModelSource, origin: str) -> Iterator[None]:
 
 
 def _too_large(source: ModelSource, origin: str) -> ConfigurationError:
-    """Error for a model that takes too much memory; names its element of the largest
-    numbers.
+    """Error for a model that takes too much memory, which names the element with the
+    largest numbers in it.
     """
     elements = ET.fromstring(source.text).iter()  # noqa: S314 read above
     largest = max(elements, key=lambda element: math.prod(_sizes(element).values()))
@@ -299,8 +308,8 @@ def _too_large(source: ModelSource, origin: str) -> ConfigurationError:
 
 
 def _sizes(element: ET.Element) -> dict[str, int]:
-    """Whole numbers by which an element of MJCF makes room, with K, M, G behind them or
-    not.
+    """Whole numbers in an element of MJCF that say how much memory it takes, by
+    attribute; K, M and G behind them are factors.
     """
     sizes = {}
     for key, text in element.attrib.items():
@@ -317,7 +326,8 @@ def compile_model(
     step: float,
     edit: Callable[[Any], None] = lambda _: None,
 ) -> Any:
-    """Compile a model with `slots` user numbers per joint and the time step `step` [s].
+    """Compile the model of `source` by MuJoCo, with `slots` user numbers for each joint
+    and with the time step `step` [s].
 
     `edit` changes its specification. RK4 replaces the Euler integrator. Raises
     ConfigurationError for a model that does not load, and for one that takes more than

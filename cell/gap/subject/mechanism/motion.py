@@ -36,7 +36,8 @@ butterworth = cache(butter)  # of one cutoff for all simulations of a run
 
 
 class FilteredMotion(NamedTuple):
-    """Low-pass filtered motion and torques of a run, at even times `t` (m,) [s].
+    """Measured motion and torques of a run, both low-pass filtered, at evenly spaced
+    times `t` [s].
 
     Positions, rates and accelerations `q`, `v`, `a` (m, joints) and the measured
     `torques` (signals, m) pass one filter, at `WIDER` times the `cutoff` [rad/s] below
@@ -59,8 +60,8 @@ class FilteredMotion(NamedTuple):
     forces: Array | None = None
 
     def below_cutoff(self, rows: Array, t: Array) -> Array:
-        """Values (n, k) at times t (k,) [s] of `rows` (n, m) along the grid, below the
-        cutoff.
+        """Values at the times `t` [s], of shape (rows, times), of the `rows` along the
+        even times, without what is faster than the cutoff.
         """
         grid = self.t
         slow = _low_pass(rows, grid[1] - grid[0], self.cutoff)
@@ -70,7 +71,8 @@ class FilteredMotion(NamedTuple):
 def cutoff_of(
     recordings: Sequence[Recording], joints: Sequence[str], pace: float
 ) -> float:
-    """Angular frequency [rad/s] below which the joints' motion has most of its power.
+    """Angular frequency [rad/s] below which the measured motion of `joints` has most of
+    its power, over all `recordings`.
 
     It is the median of the `recordings`, in power of rates: what differs between them
     is noise. Beyond it lies the encoders' noise, which in accelerations grows with the
@@ -81,7 +83,9 @@ def cutoff_of(
 
 
 def _cutoff(recording: Recording, joints: Sequence[str]) -> float:
-    """Cutoff [rad/s] of one recording: that of its fastest joint."""
+    """Angular frequency [rad/s] below which the fastest of `joints` has most of its
+    power in one recording.
+    """
     grid = _grid(recording)
     q = _resample(recording, joints, grid)
     rate = 2.0 * np.pi / (grid[1] - grid[0])
@@ -98,22 +102,24 @@ def _cutoff(recording: Recording, joints: Sequence[str]) -> float:
 
 
 def _grid(recording: Recording) -> Array:
-    """Even times (m,) [s] over a recording, with the median step of its readings."""
+    """Evenly spaced times [s] over a recording, apart by the median step of its
+    readings.
+    """
     t = recording.t
     end = recording.t[-1]
     return np.arange(0.0, end, max(np.median(np.diff(t)), end / GRID))
 
 
 def _resample(recording: Recording, names: Sequence[str], grid: Array) -> Array:
-    """Columns (k, m) interpolated at the times `grid` (m,) [s]."""
+    """Columns called `names`, a row for each, interpolated at the times `grid` [s]."""
     return np.array([np.interp(grid, *recording.known(name)) for name in names])
 
 
 def _gaps(
     recording: Recording, names: Sequence[str], grid: Array, longest: float
 ) -> NDArray[np.bool_]:
-    """Mask (m,) of times `grid` (m,) between readings of a column over `longest` [s]
-    apart.
+    """Mask, one value for each time in `grid` [s], of the times between two readings of
+    a column that are more than `longest` [s] apart.
     """
     gaps = np.zeros(len(grid), dtype=bool)
     for name in names:
@@ -132,8 +138,8 @@ def motion_of(
     loops: ClosedLoops | None,
     barred: Callable[[Array, Array], NDArray[np.bool_]],
 ) -> FilteredMotion:
-    """Motion and torques of a recording below `cutoff` [rad/s], for samples of `width`
-    [s].
+    """Motion and torques of a recording, low-pass filtered at `cutoff` [rad/s], for
+    samples that last `width` [s].
 
     `joints` are those that are measured; the others of closed `loops` follow them.
     Readings count as gaps where positions (m, joints) and torques (signals, m) are
@@ -187,24 +193,24 @@ def motion_of(
 
 
 def _low_pass(x: Array, dt: float, cutoff: float) -> Array:
-    """Rows x (n, m) in steps of `dt` [s], filtered by a low pass at `cutoff`
-    [rad/s].
+    """Copy of the rows of `x`, whose values are `dt` [s] apart, without what is faster
+    than `cutoff` [rad/s].
     """
     slow: Array = filtfilt(*butterworth(ORDER, cutoff * dt / np.pi), x, axis=-1)
     return slow
 
 
 def _derivatives(t: Array, x: Array) -> tuple[Array, Array, Array]:
-    """Columns x (m, n) over t (m,) [s], and their first and second derivatives (m,
-    n).
+    """The columns of `x` and their first and second derivatives by the times `t` [s],
+    all of the same shape.
     """
     spline = make_interp_spline(t, x, k=5)
     return x, spline(t, nu=1), spline(t, nu=2)
 
 
 def _noise_gain(dt: float, cutoff: float, width: float) -> Array:
-    """One-sigma errors (2,) of mean rate and acceleration over `width` [s] by unit
-    white noise.
+    """Standard errors of the mean rate and the mean acceleration over `width` [s] that
+    white noise of unit size causes in a filtered position.
     """
     count = max(1, round(width / dt))
     half = count + round(2.0 * SETTLED / cutoff / dt)
@@ -219,16 +225,16 @@ def _noise_gain(dt: float, cutoff: float, width: float) -> Array:
 
 
 def _near_gaps(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """Mask (m,) of readings within `reach` readings of a gap in `gaps` (m,), or of an
-    end.
+    """Mask of the readings that lie within `reach` readings of a gap, where the mask
+    `gaps` is true, or of an end.
     """
     near: NDArray[np.bool_] = binary_dilation(gaps, iterations=reach, border_value=1)
     return near
 
 
 def true_motion(motion: FilteredMotion, errors: Readings) -> tuple[Array, Array, Array]:
-    """True positions, rates and accelerations (m, joints) of a motion read with
-    `errors`.
+    """True positions, rates and accelerations, each of shape (times, joints), of a
+    measured motion whose sensors have the given `errors`.
 
     Readings stamped late show an earlier time, so that the motion at t is read at t +
     delay; in the last `delay` seconds, where no reading follows, the last one is held.
@@ -246,8 +252,8 @@ def true_motion(motion: FilteredMotion, errors: Readings) -> tuple[Array, Array,
 def link_motion(
     motion: FilteredMotion, deflection: Array, q: Array, v: Array, a: Array
 ) -> tuple[Array, Array, Array]:
-    """Motion q, v, a (m, joints) of links that lag by `deflection` (m, joints) behind
-    motors.
+    """Positions, rates and accelerations of the links, of shape (times, joints) like
+    `q`, `v` and `a` of the motors, behind which they lag by `deflection`.
     """
     t, behind = motion.t, (q - deflection) - q  # in floating point: nearly -deflection
     smooth = _low_pass(behind.T, t[1] - t[0], motion.cutoff)

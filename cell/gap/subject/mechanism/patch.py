@@ -54,8 +54,8 @@ INERTIAL = {
 def accepted_content(
     mechanism: Mechanism, base: Mapping[str, float], effects: NamedValues, source: str
 ) -> dict[str, Any]:
-    """Content of a file that names the accepted model, with the effects that this
-    cannot express.
+    """Content of the mechanism's file after an acceptance: it names the accepted model,
+    and lists the effects that this model cannot express.
 
     Provenance keeps the old values.
     """
@@ -90,8 +90,8 @@ def accepted_content(
 def accepted_xml(
     mechanism: Mechanism, edited: Any, remarks: Mapping[str, str] | None = None
 ) -> str:
-    """MJCF text of the model of `mechanism`, with whatever differs in the fields of the
-    `edited` one.
+    """MJCF text of the model of `mechanism`, in which every field that differs in the
+    compiled model `edited` has its new value.
 
     `remarks` by name become texts of the model, in place of those that it has.
     """
@@ -113,13 +113,13 @@ def accepted_xml(
 
 
 def _text(values: Sequence[float] | Array) -> str:
-    """Text of numbers (k,) in full precision, separated by spaces."""
+    """Text of the numbers `values` in full precision, separated by spaces."""
     return " ".join(map(repr, np.ravel(values).tolist()))
 
 
 def _changed(mechanism: Mechanism, edited: Any, i: int, *names: str) -> str:
-    """Text of row `i` of the fields `names` of an edited model; empty where
-    unchanged.
+    """Text of the numbers of part `i` in the fields `names` of the model `edited`;
+    empty where they equal those of the mechanism's model.
     """
     old, new = (
         np.hstack([getattr(m, n)[i] for n in names]) for m in (mechanism.model, edited)
@@ -128,8 +128,8 @@ def _changed(mechanism: Mechanism, edited: Any, i: int, *names: str) -> str:
 
 
 def _write_contacts(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
-    """Write changed friction of contact pairs, which a compiled model holds in another
-    order.
+    """Write friction of contact pairs that differs in the model `edited` into the XML
+    below `root`.
     """
     model = mechanism.model
     pairs = np.stack([model.pair_geom1, model.pair_geom2], axis=1).tolist()
@@ -143,7 +143,9 @@ def _write_contacts(root: ET.Element, mechanism: Mechanism, edited: Any) -> None
 
 
 def _write_bodies(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
-    """Write changed places of bodies, and changed inertias as `inertial` elements."""
+    """Write positions and inertias of bodies that differ in the model `edited` into the
+    XML below `root`.
+    """
     for i in range(1, edited.nbody):
         if _changed(mechanism, edited, i, "body_pos"):
             _body(root, mechanism, i).set("pos", _place_in_frame(mechanism, edited, i))
@@ -161,8 +163,8 @@ def _write_bodies(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
 
 
 def _body(root: ET.Element, mechanism: Mechanism, i: int) -> ET.Element:
-    """Element of body number `i` in a document, by its name or that of its first
-    joint.
+    """XML element below `root` of the body with the number `i`, found by its name or by
+    that of its first joint.
     """
     if name := mechanism.model.body(i).name:
         return next(e for e in root.iter("body") if e.get("name") == name)
@@ -176,7 +178,9 @@ def _body(root: ET.Element, mechanism: Mechanism, i: int) -> ET.Element:
 
 
 def _place_in_frame(mechanism: Mechanism, edited: Any, i: int) -> str:
-    """Text of the position of body number `i` in the frames about its element."""
+    """Text of the position of the body with the number `i`, in the frame in which its
+    XML element states positions.
+    """
     written = _body(ET.fromstring(mechanism.source.spec().to_xml()), mechanism, i)  # noqa: S314  with quaternions
     place, own = (
         np.fromstring(written.get(key, of_none), sep=" ")
@@ -216,7 +220,9 @@ def _write_joints(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
 
 
 def _write_actuators(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
-    """Write changed gains as general actuators, and force limits."""
+    """Write gains and force limits of actuators that differ in the model `edited` into
+    the XML below `root`.
+    """
     every = [e for group in root.findall("actuator") for e in group]
     for i, element in enumerate(every):
         if _changed(mechanism, edited, i, "actuator_gainprm", "actuator_biasprm"):
@@ -234,7 +240,9 @@ def _write_actuators(root: ET.Element, mechanism: Mechanism, edited: Any) -> Non
 
 
 def _write_options(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
-    """Write step and integrator, gravity and density, and contacts that are off."""
+    """Write time step, integrator, gravity, density of air, and whether contacts are
+    off, into the XML below `root`.
+    """
     option = _child(root, "option")
     model = mechanism.model
     new = edited.opt

@@ -66,8 +66,8 @@ RATE_READINGS = 300  # of a recording, from which typical rates are taken
 
 
 def model_place(file: MechanismFile, path: Path) -> Path:
-    """Path of the model of a mechanism's `file` at `path`; ConfigurationError outside
-    its folder.
+    """Path of the model that the mechanism's `file` at `path` names; ConfigurationError
+    where it lies outside the folder of that file.
     """
     folder = path.resolve().parent
     place = (folder / file.model).resolve()
@@ -80,7 +80,8 @@ def model_place(file: MechanismFile, path: Path) -> Path:
 
 
 def open_file(path: Path, model: Path | None = None) -> Mechanism:
-    """Mechanism of the file at `path`, with compared signals whose noise is left open.
+    """Mechanism that the file at `path` describes, still without recordings, joints and
+    the noise of its signals.
 
     With another `model` it has no effects but those that this states. Joints and
     recordings are left open, too. Raises ConfigurationError for anything broken.
@@ -128,8 +129,8 @@ def open_file(path: Path, model: Path | None = None) -> Mechanism:
 
 
 def open_all(path: Path, folders: Sequence[RunFolder], model: Path | None) -> Mechanism:
-    """Mechanism at `path`, maybe with another `model`, and its measured runs;
-    ConfigurationError for broken input.
+    """Mechanism that the file at `path` describes, with the measured runs in `folders`,
+    and with another `model` unless that is None.
     """
     found = open_file(path, model)
     read = [read_checked(folder, found) for folder in folders]
@@ -156,8 +157,8 @@ def open_all(path: Path, folders: Sequence[RunFolder], model: Path | None) -> Me
 
 
 def read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
-    """Read the recording in `folder`; ConfigurationError where it contradicts file or
-    model.
+    """Recording in `folder`; ConfigurationError where it contradicts the file or the
+    model of `mechanism`.
     """
     model = mechanism.model
     is_hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
@@ -183,8 +184,8 @@ def read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
 
 
 def _fastest_swing(model: Any) -> float:
-    """Angular frequency [rad/s] of the fastest small swing of a chain that hangs at
-    zero.
+    """Angular frequency [rad/s] of the fastest small swing of a chain, such as a
+    pendulum, that hangs at rest at angle zero.
     """
     offsets = SMALL * np.eye(model.nv)
     mass = np.zeros_like(offsets)
@@ -197,7 +198,9 @@ def _fastest_swing(model: Any) -> float:
 
 
 def _check_inputs(file: MechanismFile, model: Any, origin: str) -> None:
-    """Refuse inputs of joints or motors that the `model` lacks."""
+    """Raise ConfigurationError where the mechanism's `file` lists inputs of joints or
+    motors that the `model` does not have.
+    """
     for name, is_ in file.inputs.items():
         kind = "joint" if is_ == "position" else "actuator"
         number_of(model, kind, name, origin=origin, key=f"inputs.{name}")
@@ -206,7 +209,8 @@ def _check_inputs(file: MechanismFile, model: Any, origin: str) -> None:
 def _signal(
     name: str, spec: SignalSpec, mode: PredictionMode, model: Any, origin: str
 ) -> Signal:
-    """Signal of the column `name` as the file states it, its noise still open.
+    """Signal in the column `name` of a recording, as the entry `spec` of the
+    mechanism's file states it, still without its noise.
 
     In a `mode` with a group, positions of joints are sums with those before.
     Raises ConfigurationError for what the model lacks, and for a torque of no motor on
@@ -262,8 +266,8 @@ def _signal(
 def _with_noise(
     signal: Signal, spec: SignalSpec, recordings: Sequence[Recording], origin: str
 ) -> Signal:
-    """Copy of `signal` with the noise that is stated or seen in repeats, and the error
-    of a torque by its model.
+    """Copy of `signal` with its noise, which `spec` states or repeated recordings show,
+    and with the error that every model has of a torque.
     """
     name = signal.name
     floor = signal.floor
@@ -278,7 +282,9 @@ def _with_noise(
 
 
 def _driven_joint(model: Any, actuator: int) -> int:
-    """Number of the joint that an actuator drives; -1 for none."""
+    """Number of the joint that the actuator with the number `actuator` drives; -1 where
+    it drives none.
+    """
     is_on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     if actuator < 0 or not is_on_joint[actuator]:
         return -1
@@ -286,8 +292,8 @@ def _driven_joint(model: Any, actuator: int) -> int:
 
 
 def _sum_of_joints(model: Any, number: int) -> Array:
-    """Weights (joints,) with which a sensor sums joint positions; zeros for any other
-    sensor.
+    """Weights, one for each joint, with which the sensor numbered `number` adds up
+    joint positions; zeros for any other kind of sensor.
     """
     row = np.zeros(model.njnt)
     sensor = model.sensor(number)
@@ -305,8 +311,8 @@ def _sum_of_joints(model: Any, number: int) -> Array:
 
 
 def _set_options(mechanism: Mechanism) -> None:
-    """Give all actuators a force range, and switch off contacts without pairs, and
-    islands.
+    """Give every actuator of the mechanism's model a force range, and switch off
+    contacts unless the model lists pairs of geoms.
 
     The first user numbers of joints are those that laws of torque need.
     """
@@ -325,7 +331,8 @@ def _set_options(mechanism: Mechanism) -> None:
 
 
 def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
-    """Joints of a model, with typical rates and torques as measured in the recordings.
+    """Joints of the mechanism's model, each with the rate and torque that are typical
+    of it in the recordings.
 
     Where nothing was measured, gravity and inertia in poses drawn at random are
     typical.
@@ -372,8 +379,8 @@ def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
 
 
 def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float, float]:
-    """Rms rate and acceleration of a position over all recordings, and its largest
-    travel.
+    """Root mean square of the rate and of the acceleration of the position in `column`,
+    over all recordings, and its largest range in one.
     """
     squares = []
     travels = []
@@ -388,8 +395,8 @@ def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float,
 
 
 def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
-    """Positions [rad or m] and rates (joints,) of the joints at the start of a
-    recording.
+    """Positions [rad or m] and rates of the joints at the start of a recording, each of
+    shape (joints,).
     """
     spec = mechanism.file.start
     count = len(mechanism.joints)
@@ -420,8 +427,8 @@ def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
 def initial_state(
     mechanism: Mechanism, start: Sequence[Array]
 ) -> tuple[Parameter, ...]:
-    """Unknown start positions and rates (joints,) about `start`; none where the file
-    fixes them.
+    """Unknown positions and rates of the joints at the start of a run, as parameters to
+    be fitted about `start`, two arrays of shape (joints,).
     """
     spec = mechanism.file.start
     spread = np.inf if spec.spread is None else spec.spread
@@ -442,8 +449,8 @@ def initial_state(
 def stated_start(
     mechanism: Mechanism, unknowns: Mapping[str, float]
 ) -> tuple[Array, ...]:
-    """Start positions and rates (joints,) among the `unknowns` of a run, which
-    `initial_state` has made; none where the file fixes them.
+    """Positions and rates of the joints at the start of a run, of shape (joints,) each,
+    out of its `unknowns`; empty where the file fixes them.
     """
     angles, rates = _start_names(mechanism)
     if angles[0] not in unknowns:
@@ -455,6 +462,8 @@ def stated_start(
 
 
 def _start_names(mechanism: Mechanism) -> tuple[list[str], list[str]]:
-    """Names of the unknown start positions and rates, by joint."""
+    """Names of the unknown positions at the start of a run, one for each joint, and
+    names of the unknown rates.
+    """
     names = [joint.name for joint in mechanism.joints]
     return [f"angle_{name}" for name in names], [f"rate_{name}" for name in names]

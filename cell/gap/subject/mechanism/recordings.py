@@ -32,8 +32,8 @@ SLOWEST_CHECKED = 0.1  # rad/s of a swing below which stated rates are not check
 
 
 def average(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Mean and mean square of `values` (n, k) within blocks, each flattened to (n
-    b,).
+    """Mean and mean square of each row of `values` within each of the blocks between
+    `edges`, both flattened row by row to shape (rows times blocks,).
     """
     starts = edges[:-1]
     counts = np.diff(edges)
@@ -46,8 +46,8 @@ def average(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Measured columns (m,) of a run by name over `t` (m,) from 0 [s], NaN where
-    absent.
+    """Measured columns of a run by name, each with one number for each time in `t` [s],
+    which begins at 0; NaN where nothing was read.
 
     `sigma` is the noise of its readings, `rates` are those of the compared positions at
     its start, where the run states them itself; `notes` say what was mended.
@@ -64,13 +64,17 @@ class Recording:
     notes: tuple[str, ...] = ()
 
     def known(self, name: str) -> tuple[Array, Array]:
-        """Times (k,) [s] and values (k,) of a column where it holds a number."""
+        """Times [s] and values of the column `name` where it holds a number, each of
+        shape (k,).
+        """
         values = self.columns[name]
         is_number = np.isfinite(values)
         return self.t[is_number], values[is_number]
 
     def poses(self, names: Sequence[str]) -> Array:
-        """Rows (k, n) of the columns `names` in which all of them hold a number."""
+        """Values of the columns `names`, of shape (rows, columns), in all rows where
+        every one of these holds a number.
+        """
         q = np.column_stack([self.columns[name] for name in names])
         return q[np.isfinite(q).all(axis=1)]
 
@@ -101,14 +105,17 @@ class Signal:
 
     @property
     def label(self) -> str:
-        """Name of the signal in drawings."""
+        """Name under which drawings show the signal, which includes that of its
+        channel.
+        """
         name = self.name
         channel = self.channel
         return name if channel == name else f"{channel} {name}"
 
 
 class Cut(NamedTuple):
-    """Readings of a run in samples of `width` [s]: `t` (k,) [s], `values` (signals, k).
+    """Readings of a run at the times `t` [s], with a row of `values` for each signal,
+    cut into samples that last about `width` [s].
 
     Samples begin and end at `edges` (b + 1,) among the readings.
     """
@@ -119,8 +126,8 @@ class Cut(NamedTuple):
     width: float
 
     def keep(self, good: NDArray[np.bool_]) -> "Cut":
-        """Copy with the readings of the mask `good` (k,), without samples that become
-        empty.
+        """Copy with only those readings for which the mask `good`, of shape
+        (readings,), is true, and without samples that become empty.
         """
         block = np.repeat(np.arange(len(self.edges) - 1), np.diff(self.edges))[good]
         edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
@@ -132,7 +139,9 @@ class Cut(NamedTuple):
 def read_recording(
     folder: RunFolder, file: MechanismFile, hinges: Sequence[str]
 ) -> Recording:
-    """Recording in a run folder; ConfigurationError, in one line, for a broken one."""
+    """Recording in the run folder `folder`; ConfigurationError, with a text of one
+    line, where it is broken.
+    """
     path = folder.path / RUN
     head = load(path, MechanismRun)
     sigma = head.sigma.angle
@@ -177,8 +186,8 @@ Read = tuple[dict[str, Array], Array | None, Sequence[str]]
 
 
 def _swing_table(path: Path, links: Sequence[str]) -> Read:
-    """Angles (m,) [rad] of `links` from hanging, and their rates at the start where all
-    are stated.
+    """Angles [rad] of the `links` of a pendulum, measured from where it hangs at rest,
+    and their rates at the start where the table states them all.
 
     The table at `path` holds absolute angles from upright; ConfigurationError for a
     broken one.
@@ -202,8 +211,8 @@ def _swing_table(path: Path, links: Sequence[str]) -> Read:
 
 
 def _check_rates(slope: Array, rates: Array, path: Path) -> None:
-    """Refuse stated rates (n, m) [rad/s] unlike the measured angles' `slope` (n, m)
-    [rad/s].
+    """Raise ConfigurationError where the stated `rates` [rad/s] differ much from the
+    `slope` [rad/s] of the measured angles, of the same shape.
     """
     if np.quantile(np.abs(slope), 0.99) < SLOWEST_CHECKED:
         return
@@ -216,8 +225,8 @@ def _check_rates(slope: Array, rates: Array, path: Path) -> None:
 
 
 def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> Read:
-    """Columns (m,) of a run by name, checked: `t`, and all signals and inputs of the
-    file.
+    """Checked columns of the run in `folder`, by name: the times, and all signals and
+    inputs that `file` lists.
     """
     path = folder / SIGNALS
     if file.cell and not path.is_file():
@@ -243,8 +252,8 @@ def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> R
 
 
 def _arm_columns(path: Path) -> dict[str, Array]:
-    """Columns (m,) of a mechanism, by name, from the table of a robot's joints at
-    `path`.
+    """Columns of a mechanism, by name, from the table at `path` that a cell records of
+    its robot's joints.
 
     They are `joint1` [rad], `torque1` [N m], `tracking1` [rad], and so on. Raises
     ConfigurationError for a table that lacks one.
@@ -271,7 +280,9 @@ def _arm_columns(path: Path) -> dict[str, Array]:
 def _unwrap(
     names: Iterable[str], t: Array, table: dict[str, Array], path: Path
 ) -> list[str]:
-    """Take the turns out of the angles `names` of a `table`; returns words on each."""
+    """Remove jumps by a whole turn from the angles in the columns `names` of `table`,
+    and return a sentence on each column that had any.
+    """
     found = []
     for name in names:
         column = f"theta_{name}" if path.name == ANGLES else name
@@ -286,8 +297,8 @@ def _unwrap(
 
 
 def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
-    """Standard deviation of a column's noise, by repeated runs; ConfigurationError
-    without any.
+    """Standard deviation of the noise in a `column`, from the differences of repeated
+    runs; ConfigurationError where there are none.
     """
     variances = []
     for a, b in combinations(found, 2):
@@ -307,8 +318,8 @@ def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
 
 
 def typical_frequency(found: Sequence[Recording], columns: Sequence[str]) -> float:
-    """Angular frequency [rad/s] of the fastest column: spread of its rate over that of
-    itself.
+    """Angular frequency [rad/s] of the fastest of `columns`: the spread of its rate
+    divided by the spread of its values.
     """
     frequencies = []
     for name in columns:
@@ -319,8 +330,8 @@ def typical_frequency(found: Sequence[Recording], columns: Sequence[str]) -> flo
 
 
 def _spreads(t: Array, x: Array) -> tuple[float, float]:
-    """Standard deviations of block means of x (m,) at t (m,) [s], and of their rate; 0
-    in noise.
+    """Standard deviations of `x`, averaged over blocks, and of its rate over the times
+    `t` [s]; that of the rate is 0 where it is all noise.
     """
     width = max(1, len(x) // PACE_READINGS)
     whole = len(x) // width * width
@@ -332,7 +343,8 @@ def _spreads(t: Array, x: Array) -> tuple[float, float]:
 
 
 def cut_recording(recording: Recording, columns: Sequence[str], least: float) -> Cut:
-    """Cut a run into samples of `least` [s], longer where it has too many readings.
+    """Cut a run into samples that last `least` [s], or longer where it has too many
+    readings.
 
     Readings in which a column is absent are left out, and of a sample all but
     PER_BLOCK.
@@ -351,8 +363,8 @@ def cut_recording(recording: Recording, columns: Sequence[str], least: float) ->
 
 
 def _thinned(rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """At most PER_BLOCK of the row numbers `rows`, evenly spaced from the first to the
-    last.
+    """Some of the row numbers `rows`, no more than fit into a sample, evenly spaced
+    from the first to the last.
     """
     count = min(len(rows), PER_BLOCK)
     chosen = np.linspace(0, len(rows) - 1, count).round().astype(np.int64)
@@ -361,16 +373,16 @@ def _thinned(rows: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def phases(speed: Array) -> Words:
-    """Phase (b,) of each sample by its signed `speed` (b,): `carry`, `return` or
-    `hold`.
+    """Phase of each sample, as words of shape (samples,), by its signed `speed`:
+    `carry` forward, `return` backward, or `hold` at rest.
     """
     still = np.abs(speed) < STILL * np.sqrt(np.mean(speed**2) + 1e-300)
     return np.where(still, "hold", np.where(speed > 0.0, "carry", "return"))
 
 
 def samples(signals: Sequence[Signal], cut: Cut, phase: Words) -> Samples:
-    """Samples of all `signals` of a cut run, signal by signal, with phases `phase`
-    (b,).
+    """Samples of all `signals` of a run that was cut, signal by signal, with the phase
+    of each sample in `phase`, of shape (samples,).
     """
     counts = np.diff(cut.edges)
     middle, _ = average(cut.t[None], cut.edges)

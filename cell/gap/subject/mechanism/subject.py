@@ -72,7 +72,8 @@ UNITS = {"Nm": "N m", "mrads": "mrad/s"}
 
 
 class Content(NamedTuple):
-    """Readings of a run, and inputs of its prediction: `load`, `motion` or `commands`.
+    """Readings of a run of a mechanism, in `cut`, and what its prediction needs: the
+    load, and the measured motion or the commands.
 
     Phases are by the `speed` (k,) at its readings; `start` are positions and rates
     (joints,) where the run is simulated from them.
@@ -87,8 +88,8 @@ class Content(NamedTuple):
 
 
 class Case(NamedTuple):
-    """One prediction of a run's signals, with the base and the `known` effects of a
-    request.
+    """One prediction to be made of a run's signals, with the parameters of the file and
+    the effects that a request asks for.
 
     `edited` copies a MuJoCo model with the base and effects in its fields, `readings`
     are errors of sensors and commands, `start` positions and rates (joints,). Cases of
@@ -104,7 +105,8 @@ class Case(NamedTuple):
 
 
 class MechanismSubject(Subject):
-    """Measured runs of one `mechanism`.
+    """Measured runs of one mechanism, as a fit compares them with a model; subclasses
+    predict the signals.
 
     A subclass predicts the signals; at the end of its construction it sets `runs`.
     """
@@ -127,8 +129,8 @@ class MechanismSubject(Subject):
         self.scope = self._scope_without(without)
 
     def _check_honoured(self) -> None:
-        """Note that contacts are off; refuse models with parts that the mode would
-        ignore.
+        """Raise ConfigurationError where the model has parts that this mode of
+        prediction would ignore, and note that contacts are off.
         """
         mechanism = self.mechanism
         model = mechanism.model
@@ -147,23 +149,27 @@ class MechanismSubject(Subject):
             )
 
     def not_honoured(self) -> Iterable[str]:
-        """Names of the parts of the model that signals in this mode would ignore."""
+        """Names of the parts of the model that this mode of prediction would ignore."""
         return ()
 
     @abstractmethod
     def predict(self, cases: Sequence[Case]) -> Sequence[Array | None]:
-        """Signals (signals, k) of each case at the k times of its readings, by
-        simulation.
+        """Predicted signals of each of `cases`, as an array of shape (signals,
+        readings); None where a simulation diverges.
 
         None where its simulation diverges.
         """
 
     @abstractmethod
     def _content(self, recording: Recording, cut: Cut) -> Content:
-        """Readings `cut` from a `recording`, with load, motion or commands."""
+        """Readings `cut` from `recording`, together with the load, the measured motion
+        or the commands that the prediction needs.
+        """
 
     def _scope_without(self, without: Sequence[str]) -> Scope:
-        """Fit problem of the mechanism, without the candidates named in `without`."""
+        """What a fit of the mechanism may change: parameters of its file, and candidate
+        effects without those named in `without`.
+        """
         mechanism = self.mechanism
         whole = Scope(
             base=(
@@ -184,8 +190,8 @@ class MechanismSubject(Subject):
         )
 
     def _quantity(self, channel: str, kind: str) -> Quantity:
-        """Display of a channel's residuals; torques have a tolerance by their
-        spread.
+        """How the residuals of a `channel` are shown; those of torques have a tolerance
+        in proportion to the torques' spread.
         """
         key, factor, tolerance = KINDS[kind]
         if kind == "torque":
@@ -202,7 +208,9 @@ class MechanismSubject(Subject):
         )
 
     def _run(self, recording: Recording) -> FitRun:
-        """Run for the engine: samples with their phases, and the run's own unknowns."""
+        """Run for a fit from a recording: samples with their phases, and the unknowns
+        that belong to this run alone.
+        """
         mechanism = self.mechanism
         signals = mechanism.signals
         names = [signal.name for signal in signals]
@@ -228,8 +236,8 @@ class MechanismSubject(Subject):
         )
 
     def simulate(self, requests: Sequence[SimulationRequest]) -> list[Residuals]:
-        """Residuals of `requests`, measured minus simulated; NaN where a simulation
-        diverges.
+        """Residuals for each of `requests`, measured minus simulated signals; NaN where
+        a simulation diverges.
         """
         cases = [self._case(request) for request in requests]
         residuals = []
@@ -240,7 +248,7 @@ class MechanismSubject(Subject):
         return residuals
 
     def _case(self, request: SimulationRequest) -> Case:
-        """What to predict for a request: how to edit the model, the errors of reading,
+        """What to predict for a request: how to edit the model, the errors of sensors,
         and where the motion starts.
         """
         mechanism = self.mechanism
@@ -271,8 +279,8 @@ class MechanismSubject(Subject):
         )
 
     def _known_effects(self, request: SimulationRequest) -> Known:
-        """Effects that the file states, then those of a `request`, with their
-        values.
+        """Effects that the mechanism's file states, then those of `request`, each with
+        its parameter values.
         """
         owners = np.array([p.name.partition(".")[0] for p in self.scope.base])
         stated = self.mechanism.file.effects
@@ -289,8 +297,8 @@ class MechanismSubject(Subject):
     def draw_simulated(
         self, requests: Sequence[SimulationRequest]
     ) -> list[Scene | None]:
-        """Drawings of simulated signals and their residuals; None where a simulation
-        diverges.
+        """Drawings of the simulated signals and of their residuals, one for each
+        request; None where the simulation diverges.
         """
         cases = [self._case(request) for request in requests]
         return [
@@ -299,8 +307,8 @@ class MechanismSubject(Subject):
         ]
 
     def _scene(self, cut: Cut, predicted: Array) -> Scene:
-        """Drawing of `predicted` signals (signals, k), and of the residuals to measured
-        ones.
+        """Drawing of the `predicted` signals, a row for each, and of the measured ones
+        minus these.
         """
         drawn = []
         rows = zip(self.mechanism.signals, predicted, cut.values, strict=True)
@@ -314,16 +322,16 @@ class MechanismSubject(Subject):
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Content of the refitted mechanism file; None for cell.yaml, which does not
-        change.
+        """Content of the mechanism's file with the fitted values and effects; the
+        second result is None, as the cell file does not change.
         """
         return accepted_content(self.mechanism, base, effects, source), None
 
     def model_texts(
         self, base: Mapping[str, float], effects: NamedValues
     ) -> dict[str, str]:
-        """MJCF texts of the model with refitted base and named effects: the `model` for
-        this mode, the `plain` one with all effects that fields of a model can state.
+        """MJCF texts of the model with the fitted values and effects, by name: the
+        `model` for this mode of prediction, and the `plain` one for other programs.
         """
         mechanism = self.mechanism
         alone = replace(
@@ -350,13 +358,15 @@ class MechanismSubject(Subject):
         }
 
     def contradictions(self) -> Iterator[Finding]:
-        """Findings on recordings that stand still, wrap or touch, whatever is compared
-        of them.
+        """Findings on recordings in which nothing moves, angles jump by whole turns, or
+        parts of the model touch.
         """
         yield from contradictions(self.mechanism)
 
     def check(self, origin: str) -> None:
-        """Refuse stated models that cannot be simulated."""
+        """Raise ConfigurationError where the model cannot be simulated as
+        it is stated.
+        """
         if not np.isfinite(self._stated_residuals()).all():
             advice = "make step smaller, or mend masses, inertias and gains"
             wrong = (str(each) for each in self.contradictions() if each.level == "bad")
@@ -366,13 +376,15 @@ class MechanismSubject(Subject):
             )
 
     def _stated_residuals(self) -> Array:
-        """Mean residuals (samples,) of the first run by the stated model."""
+        """Mean residuals of the samples of the first run, with the model as it is
+        stated.
+        """
         return self.simulate([self.stated(self.runs[0])])[0].mean
 
 
 def _known(mechanism: Mechanism, effects: NamedValues) -> Known:
-    """Effects of `mechanism` by name, each with its values in the order of its
-    parameters.
+    """Effects in `effects`, by name, each with the array of its parameter values in the
+    order of its parameters.
     """
     named = [(library()[name], values) for name, values in effects.items()]
     return [(each, ordered_values(each, mechanism, values)) for each, values in named]
@@ -381,8 +393,8 @@ def _known(mechanism: Mechanism, effects: NamedValues) -> Known:
 def _edited(
     mechanism: Mechanism, load: Load | None, base: Array, effects: Known, model: Any
 ) -> Any:
-    """Copy of a MuJoCo `model` that has the base (k,), the load of a run and the
-    effects in its fields or laws.
+    """Copy of a MuJoCo `model` with the values `base` of the file's parameters, with
+    the load of a run, and with the effects.
     """
     edited = copy.copy(model)
     for b, value in zip(mechanism.base, base, strict=True):
