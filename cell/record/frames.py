@@ -35,8 +35,8 @@ MOST_KEYS = 32  # key images of a run, beside its last one
 
 @dataclass(frozen=True, slots=True)
 class FrameNote:
-    """Index entry of an image: stamp and arrival [s], and if stored its file and
-    SHA-256 of pixels.
+    """Entry of an image in the index of a run: when it was taken and when it arrived
+    [s] and, if it was stored, its file and the SHA-256 digest of its pixels.
 
     `sha256` is empty for an image that was not stored. `film` is its number in the film
     of the run, None for one that is not in it.
@@ -51,22 +51,27 @@ class FrameNote:
     film: int | None = None
 
     def frame(self, image: Image) -> Frame:
-        """Frame of the entry with its `image` (h, w, 3)."""
+        """The given `image`, of shape (height, width, 3), with the times, the source
+        and the number that this entry states.
+        """
         return Frame(self.stamp, self.arrival, self.source, self.sequence, image)
 
 
 def digest(image: Image) -> str:
-    """SHA-256 of the pixels of an `image` (h, w) or (h, w, 3), row by row."""
+    """Hexadecimal SHA-256 digest of the pixels of `image`, row by row; its shape is
+    (height, width) or (height, width, 3).
+    """
     return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
 
 
 def frame_file(folder: Path, sequence: int) -> Path:
-    """Path of image number `sequence` of the run in `folder`."""
+    """Path at which the run in `folder` stores the image with the number `sequence`."""
     return folder / FOLDER / f"{sequence:06d}.png"
 
 
 def encode(image: Image) -> bytes:
-    """Encode `image` (h, w) or (h, w, 3) as lossless PNG; OSError where that fails.
+    """Content of a PNG file that keeps `image`, of shape (height, width) or (height,
+    width, 3), without loss; OSError where that fails.
 
     On camera noise Huffman coding of differences is the fastest, and within a tenth of
     the smallest.
@@ -87,7 +92,8 @@ def encode(image: Image) -> bytes:
 
 
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
-    """Read the index of images in the run `folder`: for each image its latest entry.
+    """Entries of all images of the run in `folder`, of which the latest counts where an
+    image has several.
 
     Raises ConfigurationError for a broken line.
     """
@@ -105,8 +111,8 @@ def read_index(folder: Path) -> tuple[FrameNote, ...]:
 
 
 def read_frame(note: FrameNote) -> Frame | None:
-    """Read the image (h, w, 3) of an entry, None if not stored; ConfigurationError if
-    changed.
+    """Image to which the entry `note` belongs, or None where it was not stored;
+    ConfigurationError where its pixels have changed.
     """
     if note.file is None:
         return None
@@ -117,8 +123,8 @@ def read_frame(note: FrameNote) -> Frame | None:
 
 
 def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
-    """Index entry from a `line`, times after `lift` [s] if finite; ValueError without a
-    number.
+    """Entry of an image from the `line` of an index, with times that count from `lift`
+    [s] where that is finite; ValueError where the line is broken.
     """
     sequence = index(line["sequence"])
     zero = lift if isfinite(lift) else 0.0
@@ -141,8 +147,8 @@ def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
 
 
 class FrameWriter:
-    """Writer of a run's images in a thread beside the caller, which learns of errors
-    later.
+    """Writer of the images of a run, in a thread of its own, so that its user learns of
+    errors later.
 
     `patient` makes `put` wait for room: right where the clock is virtual and waiting
     costs the run nothing, wrong on hardware, where an image without room only keeps its
@@ -152,7 +158,9 @@ class FrameWriter:
     def __init__(
         self, folder: Path, keep: Keep, patient: bool, encoder: Encoder | None
     ) -> None:
-        """Write a run's images into `folder` and, with an `encoder`, also as a film."""
+        """Begin to write images into the run folder `folder` and, unless `encoder` is
+        None, as a film as well.
+        """
         self._film = encoder and RunFilm(folder / FILM, encoder, patient)
         self._failure: OSError | None = None
         self._given_up = False
@@ -172,15 +180,17 @@ class FrameWriter:
         self._thread.start()
 
     def put(self, frame: Frame, mark: bool) -> None:
-        """Queue `frame` for writing; with `mark` it is stored as a key frame."""
+        """Hand over `frame` to be written; one with a `mark` is stored even where only
+        some images are.
+        """
         try:
             self._waiting.put((frame, mark), block=self._patient)
         except queue.Full:
             self._note(frame)
 
     def close(self) -> None:
-        """Wait until all images are written; allowed twice. The last one is a key
-        frame.
+        """Wait until all images are written, and store the last one; a second call does
+        nothing.
         """
         if self._index.closed:
             return
@@ -192,27 +202,31 @@ class FrameWriter:
 
     @property
     def film_failure(self) -> str:
-        """Reason why the film is incomplete; empty where it is complete."""
+        """Reason why the film of the run is incomplete; empty where it is complete or
+        there is no film.
+        """
         return self._film.failure if self._film else ""
 
     def take_failure(self) -> OSError | None:
-        """Error of writing since the last call, or None; after an error no image is
-        written.
+        """Error that writing has met since the last call, or None; once there was one,
+        no further image is written.
         """
         failure = self._failure
         self._failure = None
         return failure
 
     def _write_queue(self) -> None:
-        """Write images until the queue ends, then store the last one as a key frame."""
+        """Write the images that were handed over until the queue ends, and then store
+        the last one if only some are stored.
+        """
         while (item := self._waiting.get()) is not None:
             self._attempt(self._record, *item)
         if self._keep == "key" and self._last is not None:
             self._attempt(self._store, *self._last)
 
     def _attempt(self, write: Callable[..., None], *arguments: Any) -> None:
-        """Call `write`, unless an earlier one failed; its error is kept for
-        `take_failure`.
+        """Call `write` with the given arguments, unless an earlier call has failed; an
+        error is kept for `take_failure`.
         """
         if self._given_up:
             return
@@ -223,7 +237,9 @@ class FrameWriter:
             self._given_up = True
 
     def _record(self, frame: Frame, mark: bool) -> None:
-        """Film `frame`, store it if it is selected, and enter it into the index."""
+        """Add `frame` to the film, store it if it is one of those to be kept, and note
+        it in the index.
+        """
         keeps_up = self._patient or self._waiting.qsize() < LAGS
         in_film = None
         if self._film and keeps_up:
@@ -236,8 +252,8 @@ class FrameWriter:
             self._last = (frame, in_film)
 
     def _is_kept(self, stamp: float, mark: bool) -> bool:
-        """Whether to store the image taken at `stamp` [s]: all, or as a key image one a
-        KEY_PERIOD and those with a `mark`.
+        """Whether to store the image taken at `stamp` [s]: every image or, where only
+        some are kept, those with a `mark` and one in each fixed period.
         """
         if self._keep != "key" or self._keys_left == 0:
             return self._keep == "all"
@@ -248,15 +264,17 @@ class FrameWriter:
         return is_key
 
     def _store(self, frame: Frame, film: int | None) -> None:
-        """Store `frame`, and enter it into the index with its hash."""
+        """Store `frame` as a file, and note it in the index with the digest of its
+        pixels and its number in the `film`.
+        """
         replace_file(frame_file(self._folder, frame.sequence), encode(frame.image))
         self._note(frame, sha256=digest(frame.image), film=film)
 
     def _note(
         self, frame: Frame, sha256: str | None = None, film: int | None = None
     ) -> None:
-        """Enter `frame` into the index: its `sha256` if it is stored, its number in the
-        `film`.
+        """Note `frame` in the index, with the digest `sha256` where it was stored, and
+        with its number in the `film` unless that is None.
         """
         note: dict[str, Any] = {
             "sequence": frame.sequence,

@@ -140,7 +140,9 @@ class Header(Recorded):
 
     @property
     def by_cell(self) -> bool:
-        """Whether the perception of the cell, with known errors, measured the strip."""
+        """Whether the strip was measured by the perception of this cell, whose errors
+        are known.
+        """
         return self.policy is not None or self.seen_by == "cell"
 
 
@@ -243,8 +245,8 @@ class Result(Recorded):
     witnesses: tuple[WitnessNote, ...] = ()
 
     def __str__(self) -> str:
-        """One line with the run's outcome and, for a fold, its displacement and the
-        offset of its laid edges.
+        """Line of text with the outcome of the run and, where these were measured,
+        displacement and offset of the laid edges.
         """
         lengths = {"displacement": self.displacement, "edges": self.edge_offset}
         known = (
@@ -262,8 +264,8 @@ class Result(Recorded):
 
 
 def read_result(folder: Path) -> Result | None:
-    """Result of the run in `folder`, None if there is none; ConfigurationError if
-    broken.
+    """Result of the run in `folder`, or None where it has none; ConfigurationError
+    where its file is broken.
     """
     path = folder / RESULT
     return load(path, Result, bare=True) if path.exists() else None

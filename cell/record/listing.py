@@ -56,7 +56,9 @@ YesOrNo = Annotated[
 
 
 def _of(document: str, *keys: str) -> Any:
-    """Field of a row that a run's `document` states under these `keys`, if it does."""
+    """Field of a row in the list of runs, read from a run's `document`, such as its
+    header, at the nested `keys`; None where it is not stated.
+    """
     return Field(
         None, validation_alias=AliasPath(document, *keys), validate_default=True
     )
@@ -99,13 +101,13 @@ class RunRow:
 
     @property
     def name(self) -> str:
-        """Name of the run's folder; bytes that are no UTF-8 are escaped."""
+        """Name of the run's folder, in which bytes that are no UTF-8 are escaped."""
         return encoded(self.folder.name).decode()
 
     @property
     def short(self) -> str:
-        """Name of the run for tables: the last four characters and the time, if it has
-        them.
+        """Short name of the run for tables: the last four characters of its name and
+        when it began, or the whole name if it has another form.
         """
         if BEGAN.match(self.name) is None:
             return self.name
@@ -113,15 +115,17 @@ class RunRow:
 
     @property
     def offsets(self) -> tuple[str, ...]:
-        """Displacement and offset of the edges [mm] as text; empty where unknown."""
+        """Displacement, and offset of the laid edges, as texts in millimetres; each is
+        empty where it is not known.
+        """
         lengths = (self.displacement, self.edge_offset)
         return tuple(
             "" if length is None else f"{1e3 * length:+.1f}" for length in lengths
         )
 
     def __repr__(self) -> str:
-        """Name, strip, policy, outcome, displacement and offset of the edges in a
-        line.
+        """Line of text with the run's name, strip, policy and outcome, and its
+        displacement and offset of the edges where known.
         """
         displacement, edges = self.offsets
         lengths = (
@@ -167,7 +171,9 @@ def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]
 
 
 def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]:
-    """Filter `rows` by an SQL expression and sort them, in a database in memory."""
+    """Those of `rows` for which the SQL expression `where` holds, sorted by the column
+    `sort`, or as they come where that is empty.
+    """
     key = sort.removeprefix("-")
     order = "place"
     if key:
@@ -197,8 +203,8 @@ def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]
 
 
 def _storable(value: Any) -> Any:
-    """Value that SQLite can store: `value`, or a float for an integer of more than 63
-    bits.
+    """The given `value`, or a float in place of a whole number that is too large for an
+    SQLite database.
     """
     if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
         return float(value)
@@ -206,7 +212,9 @@ def _storable(value: Any) -> Any:
 
 
 def values_of(row: RunRow) -> tuple[Any, ...]:
-    """Values of a run in the columns COLUMNS, in SI units."""
+    """Values of one run for all columns of the list of runs, in their order and in SI
+    units.
+    """
     later = (getattr(row, name) for name in NAMES[2:])
     return (row.name, row.began.isoformat(), *later)
 
@@ -218,8 +226,8 @@ def to_prune(
     keep: int | None = None,
     older_than: timedelta | None = None,
 ) -> tuple[RunRow, ...]:
-    """Runs to delete, oldest first: all but the newest `keep`, or those older than
-    `older_than`.
+    """Runs that may be deleted, oldest first: all but the newest `keep`, or those that
+    began longer than `older_than` before `now`.
 
     With both, a run must satisfy both. A run under way stays, and so does a link: what
     it leads to belongs elsewhere. Raises ConfigurationError when neither is given.
@@ -233,7 +241,7 @@ def to_prune(
 
 
 def remove(rows: Sequence[RunRow]) -> int:
-    """Delete the folders of `rows`, each locked and read again first; returns the bytes
+    """Delete the folders of the runs in `rows`, and return how many bytes that has
     freed.
 
     Raises ConfigurationError for a folder that is not a run, is one under way, or a
@@ -270,8 +278,8 @@ def remove(rows: Sequence[RunRow]) -> int:
 def earlier_results(
     folder: Path, strip: str, policy: str | None, count: int
 ) -> list[Result]:
-    """Results of the last `count` folds of a `strip` by a `policy` beside and before
-    the run in `folder`, as far as they can be read.
+    """Results of up to `count` folds of `strip` by the same `policy` that lie beside
+    the run in `folder` and came before it, the last one first.
     """
     begins = f"-{strip}-fold-"
     beside = sorted(run for run in folder.parent.iterdir() if begins in run.name)
@@ -289,8 +297,8 @@ def earlier_results(
 
 
 def read_row(folder: Path) -> RunRow:
-    """Read the run in `folder` from its YAML files for a list; unreadable values are
-    empty.
+    """Row for the list of runs on the run in `folder`, from its YAML files alone;
+    values that cannot be read are empty.
     """
     header = _document(folder / RUN, HEADER_KEYS)
     result = _document(folder / RESULT)
@@ -309,8 +317,8 @@ def read_row(folder: Path) -> RunRow:
 def _outcome(
     folder: Path, header: Mapping[str, Any] | None, result: Mapping[str, Any] | None
 ) -> str:
-    """Outcome of a run for the list; BROKEN, UNDER_WAY, DIED, or MEASURED if it is of
-    no strip.
+    """Outcome of a run for the list: the recorded one, or a word for a run that is
+    under way, has died, is broken, or was only measured.
     """
     if header is None:
         return BROKEN
@@ -324,7 +332,8 @@ def _outcome(
 
 
 def _document(path: Path, keys: Collection[str] = ()) -> dict[str, Any] | None:
-    """Mapping in the YAML file at `path`, or None if it cannot be read.
+    """Content of the YAML file at `path`, with only the outermost `keys` if any are
+    given; None where it cannot be read.
 
     With `keys` only those of the outermost level, where each begins a line: of a run's
     header that is a tenth, and the rest is what takes the time.
@@ -340,8 +349,8 @@ def _document(path: Path, keys: Collection[str] = ()) -> dict[str, Any] | None:
 
 
 def _size(folder: Path) -> int:
-    """Size [bytes] of all files below `folder`; files deleted meanwhile do not
-    count.
+    """Size of all files below `folder` in bytes; files that are deleted meanwhile do
+    not count.
     """
     total = 0
     for path, _, names in os.walk(folder):
@@ -352,7 +361,9 @@ def _size(folder: Path) -> int:
 
 
 def _start_time(folder: Path) -> datetime:
-    """Time in the name of `folder`, else of its run.yaml, else the start of 1970."""
+    """Time at which the run in `folder` began, by the name of the folder, or else by
+    the age of its header file.
+    """
     stamp = BEGAN.match(folder.name)
     with suppress(ValueError):
         if stamp is not None:

@@ -26,7 +26,8 @@ Facts = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Manifest:
-    """Series of `parts` runs: its `kind`, the digests of what it is `of`, who makes it.
+    """What a file notes on a series of `parts` runs: the kind of the series, digests of
+    what it is made of, and which parts have begun and ended.
 
     `begun` has the number of each part that began, once for each time, and `ended` what
     is known of each part that ended, the last time counting.
@@ -45,7 +46,9 @@ class Manifest:
 
     @classmethod
     def read(cls, path: Path) -> "Manifest":
-        """Read the manifest at `path`; ConfigurationError where it is none."""
+        """Content of the manifest at `path`; ConfigurationError where the file there is
+        no manifest.
+        """
         head, *lines = read_json_lines(path) or [{}]
         made_by = [head, *(line for line in lines if "process" in line)][-1]
         try:
@@ -68,19 +71,23 @@ class Manifest:
 
     @property
     def done(self) -> frozenset[int]:
-        """Numbers of the series' parts that have ended and need not be made again."""
+        """Numbers of those parts of the series that have ended, in a way that need not
+        be repeated.
+        """
         codes = {number: facts.get("exit_code") for number, facts in self.ended.items()}
         return frozenset(number for number, code in codes.items() if code in DONE_CODES)
 
     @property
     def is_complete(self) -> bool:
-        """Whether no part of the series is left to be made."""
+        """Whether no part of the series is left to be made, because all are done or the
+        series was given up.
+        """
         return self.is_over or len(self.done) >= self.parts
 
     @property
     def is_under_way(self) -> bool:
-        """Whether a living process is making the series, which its lock on the file
-        shows.
+        """Whether a living process is still making the series, which its lock on the
+        manifest shows.
         """
         with suppress(OSError), self.path.open("rb") as file:
             try:
@@ -90,7 +97,7 @@ class Manifest:
         return False
 
     def __str__(self) -> str:
-        """What the series is and how far it has come, in words."""
+        """Line of text on what the series is and how many of its parts are done."""
         under_way = f", under way (process {self.process} on {self.host})"
         return (
             f"{self.kind} of {self.name} in {self.path.parent}: {len(self.done)} of"
@@ -110,7 +117,7 @@ def manifests_in(folder: Path) -> tuple[Manifest, ...]:
 
 
 class RunSeries:
-    """Series of runs that this process is making, which writes its manifest part by
+    """Series of runs that this process makes, and whose manifest it writes part by
     part.
     """
 
@@ -118,20 +125,26 @@ class RunSeries:
         self.manifest = manifest
 
     def begin(self, number: int) -> None:
-        """Note that part `number` begins; ConfigurationError where that fails."""
+        """Note in the manifest that the part with this `number` begins;
+        ConfigurationError where that cannot be written.
+        """
         self.note({"begin": number})
 
     def end(self, number: int, facts: Facts) -> None:
-        """Note that part `number` has ended with `facts`, among them its exit_code."""
+        """Note in the manifest that the part with this `number` has ended, with `facts`
+        such as its exit code.
+        """
         self.note({"end": number, **facts})
 
     def close(self) -> None:
-        """Note that the series is over before all of its parts are made."""
+        """Note in the manifest that the series is over, although some of its parts were
+        never made.
+        """
         self.note({"over": True})
 
     def way_on(self) -> str:
-        """Advice on how to go on with a series that is not complete; empty for a
-        complete one.
+        """Sentence on how to go on with a series that is not complete; empty where it
+        is complete.
         """
         now = Manifest.read(self.manifest.path)
         if now.is_complete:
@@ -142,7 +155,9 @@ class RunSeries:
         )
 
     def note(self, line: Facts) -> None:
-        """Add a `line` to the manifest; ConfigurationError where that fails."""
+        """Append `line` to the manifest as JSON; ConfigurationError where that cannot
+        be written.
+        """
         with writing(self.manifest.path, "make room, then go on with --resume"):
             append_line(self.manifest.path, json_line(line))
 
@@ -151,8 +166,8 @@ class RunSeries:
 def new_series(
     path: Path, kind: str, name: str, of: Mapping[str, str], parts: int
 ) -> Iterator[RunSeries]:
-    """Begin the series of `parts` runs with a new manifest at `path`, locked within the
-    block.
+    """Context in which a new series of `parts` runs is made, with a new manifest at
+    `path`, which is locked meanwhile.
 
     Raises ConfigurationError where a file is at `path`, or none can be written.
     """
@@ -169,7 +184,8 @@ def new_series(
 
 @contextmanager
 def resumed_series(manifest: Manifest, of: Mapping[str, str]) -> Iterator[RunSeries]:
-    """Go on with the series of `manifest`, locked within the block.
+    """Context in which the series of `manifest` is continued, with its file locked
+    meanwhile.
 
     Raises ConfigurationError where another process makes it, and where what it is `of`
     has changed since it began.
@@ -194,13 +210,17 @@ def resumed_series(manifest: Manifest, of: Mapping[str, str]) -> Iterator[RunSer
 
 
 def _maker() -> dict[str, Any]:
-    """Facts on the process that makes a series."""
+    """Facts on this process, by name: its number, the name of its machine, and the
+    present time.
+    """
     began = datetime.now(UTC).isoformat(timespec="seconds")
     return {"process": os.getpid(), "host": os.uname().nodename, "began": began}
 
 
 def _lock(handle: int, path: Path) -> None:
-    """Lock the open manifest; ConfigurationError where another process holds it."""
+    """Lock the opened manifest with the descriptor `handle`; ConfigurationError where
+    another process holds its lock.
+    """
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -41,7 +41,8 @@ NO_TABLES: Mapping[str, Columns] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class PartReader:
-    """Reader of a record's parts: a broken part is an error or, if `lenient`, empty.
+    """Reader of the parts of a recorded run, for which a broken part is an error or, if
+    `lenient`, counts as empty.
 
     `problems` has a line for each part that was left empty.
     """
@@ -50,8 +51,8 @@ class PartReader:
     problems: list[str] = field(default_factory=list)
 
     def read(self, part: Callable[[], Part], empty: Part) -> Part:
-        """Result of reading a run's `part`; a broken one is `empty` if lenient, else an
-        error.
+        """What the function `part` reads of a run; where that is broken, `empty` if the
+        reader is lenient, else a ConfigurationError.
         """
         try:
             return part()
@@ -65,8 +66,8 @@ class PartReader:
 def _cached_part(
     empty: object,
 ) -> Callable[[Callable[["Run"], Part]], Callable[["Run"], Part]]:
-    """Decorator of a method that reads a part of a run, so that it is read once and
-    then kept.
+    """Decorator of a method that reads a part of a run, after which the part is read
+    only once and then kept.
 
     A lenient run has `empty`, which cannot be changed, for a broken part.
     """
@@ -109,17 +110,21 @@ class Run:
         return self.folder.name
 
     def __fspath__(self) -> str:
-        """Path of the run's folder, so that a run stands wherever its folder may."""
+        """Path of the run's folder, so that functions which take a path also take a
+        run.
+        """
         return str(self.folder)
 
     def __repr__(self) -> str:
-        """Name of the run, how it ended, and its displacement and edges where
-        measured.
+        """Line of text with the name of the run, its outcome and, where these were
+        measured, displacement and offset of the edges.
         """
         return f"{self.name}: {self.result or 'no result'}"
 
     def _repr_html_(self) -> str:
-        """Film of the run, or else its last kept image, for a notebook."""
+        """HTML for a notebook that shows the film of the run or, where it has none, its
+        last stored image.
+        """
         images = [note.file for note in self.kept_images()[::-1] if note.file]
         picture = next(filter(Path.is_file, (self.folder / files.FILM, *images)), None)
         text = escape(repr(self))
@@ -137,18 +142,20 @@ class Run:
 
     @property
     def problems(self) -> list[str]:
-        """Lines of text on the run's broken parts, which were read as empty."""
+        """Lines of text on those parts of the run that were broken and
+        count as empty.
+        """
         return self.reader.problems
 
     @property
     def died(self) -> bool:
-        """Whether the run ended without a result and is not under way any more."""
+        """Whether the process that recorded the run ended without a result."""
         return self.result is None and not files.is_under_way(self.folder)
 
     @_cached_part(())
     def events(self) -> tuple[Event, ...]:
-        """Events of the run in the order of writing; none where another program
-        recorded it.
+        """Events of the run, in the order in which they were written, with times [s]
+        that count as those of the run do.
 
         Events are written on the cell's clock, before the start of measured time is
         known; the event `origin` states it, and times here are relative to it.
@@ -159,14 +166,14 @@ class Run:
 
     @_cached_part(0.0)
     def origin(self) -> float:
-        """Time [s] of the cell's clock at t = 0 of the run; 0 where it is not
-        stated.
+        """Time [s], on the clock of the cell, at which the time of the run is zero; 0
+        where that is not recorded.
         """
         return origin_of(read_events(self.folder))
 
     @_cached_part(Sights.none())
     def sights(self) -> Sights:
-        """Measurements of the strip in all images, as columns; empty where none are
+        """Measurements of the strip in all images, as a table; empty where none were
         recorded.
         """
         path = self.folder / files.SIGHTS
@@ -178,8 +185,8 @@ class Run:
         return Sights.none()
 
     def measurements(self) -> list[StripMeasurement]:
-        """Measurements of the strip, one per image; profiles alone where no others are
-        recorded.
+        """Measurements of the strip, one for each image; where only midlines were
+        recorded, these alone.
         """
         sights = self.sights()
         curves = dict(self.profile.curves())
@@ -206,23 +213,23 @@ class Run:
 
     @_cached_part(None)
     def calibration(self) -> Calibration | None:
-        """Calibration of the run's camera; None where it was not stored with the
-        run.
+        """Calibration of the camera that the run used; None where it was not stored
+        with the run.
         """
         path = self.folder / files.CALIBRATION
         return load_calibration(path) if path.exists() else None
 
     @_cached_part(())
     def frame_index(self) -> tuple[FrameNote, ...]:
-        """Index entries of all measured images, in order; none where no index was
+        """Index entries of all images of the run, in order; empty where no index was
         recorded.
         """
         return read_index(self.folder)
 
     @_cached_part(NO_TABLES)
     def tables(self) -> Mapping[str, Columns]:
-        """Measurements as tables, by name, of columns (n,) in SI units, for export to
-        another format.
+        """Measurements of the run as tables by name, each of which holds columns of
+        shape (rows,) in SI units by name.
 
         They are `ticks`, and where measured `contact`, `profile` and `result`, without
         columns that hold no number.
@@ -249,19 +256,21 @@ class Run:
         return tables
 
     def kept_images(self) -> list[FrameNote]:
-        """Index entries of the images whose files were stored, in order."""
+        """Index entries of those images of the run whose files were stored,
+        in order.
+        """
         return [note for note in self.frame_index() if note.file is not None]
 
     def film_stamps(self) -> dict[int, float]:
-        """Stamps [s] of the images in the run's film, by their number; none without a
-        film.
+        """Times [s] of the images in the film of the run, by their numbers in the film;
+        empty where it has no film.
         """
         notes = self.frame_index() if (self.folder / files.FILM).is_file() else ()
         return {note.film: note.stamp for note in notes if note.film is not None}
 
     def film_frames(self, only: Collection[int] | None = None) -> Iterator[Frame]:
-        """Yield the images of the run's film with their stamps and numbers in the run;
-        `only` limits them to its numbers.
+        """Yield the images of the run's film, each with its time and its number in the
+        run; `only` limits them to these numbers.
 
         They end where the film breaks off; none without a film.
         """
@@ -278,8 +287,8 @@ class Run:
                 yield notes[frame.sequence].frame(frame.image)
 
     def frames(self) -> Iterator[Frame]:
-        """Yield the stored images; one that fails its hash raises an error unless
-        lenient.
+        """Yield the stored images of the run; ConfigurationError for one whose pixels
+        have changed, unless the run is read leniently.
         """
         # the run's problems do not list images
         image_reader = PartReader(self.reader.lenient)
@@ -292,7 +301,9 @@ class Run:
 def _measurement(
     sight: dict[str, Any], curves: Mapping[float, Array]
 ) -> StripMeasurement:
-    """Measurement of one image from its row of sights and the profile of its stamp."""
+    """Measurement of the strip in one image, from its row `sight` and from that midline
+    in `curves` which has the same time.
+    """
     tip = (sight.pop("tip_x"), sight.pop("tip_z"))
     profile = curves.get(sight["stamp"], np.empty((0, 2)))
     sight["sequence"] = int(sight["sequence"])
@@ -300,8 +311,8 @@ def _measurement(
 
 
 def read_run(folder: Path) -> Run:
-    """Read the run in `folder`: run.yaml, its ticks, profiles and result; further parts
-    on use.
+    """Recorded run in `folder`: its header, motion, midlines and result; other parts
+    are read once they are used.
 
     A run that died before its tables were written is read from its streams. Raises
     ConfigurationError for files that are missing, broken, or written by a newer
@@ -311,8 +322,8 @@ def read_run(folder: Path) -> Run:
 
 
 def read_broken_run(folder: Path) -> Run:
-    """Read the intact parts of the run in `folder`; ConfigurationError where run.yaml
-    is broken.
+    """Recorded run in `folder`, of which parts that are broken count as empty;
+    ConfigurationError where its header is broken.
     """
     run = _read(folder, lenient=True)
     for read in (run.events, run.sights, run.calibration, run.frame_index):
@@ -322,8 +333,8 @@ def read_broken_run(folder: Path) -> Run:
 
 
 def _read(folder: Path, *, lenient: bool) -> Run:
-    """Read the run in `folder`; its broken parts are empty if `lenient`, else
-    errors.
+    """Recorded run in `folder`; a broken part counts as empty if `lenient`, else it is
+    an error.
     """
     files.check_run(folder)
     header = load(folder / files.RUN, Header)
@@ -333,7 +344,8 @@ def _read(folder: Path, *, lenient: bool) -> Run:
     begun = any((folder / name).exists() for name in (files.TICK_STREAM, files.EVENTS))
 
     def table(name: str) -> tuple[pa.Table, str]:
-        """Table in the Parquet file `name`, and the path of its source for errors.
+        """Table in the Parquet file `name` of the run, and the path, for messages about
+        errors, of where it came from.
 
         One that is missing from an incomplete run is made from the streams, which a
         run of the cell that died at its start need not have.

@@ -63,14 +63,14 @@ SIGHT_ROWS = pa.schema(
 
 
 class TooLarge(ConfigurationError):
-    """Error for a table with more columns or values than are read, which no mapping of
-    columns can cure.
+    """Error for a table with more columns or values than this program reads, whatever a
+    mapping says of it.
     """
 
 
 class StreamFile:
-    """Writer of an Arrow stream, row by row, so that a crash of the process loses no
-    row.
+    """Writer of a table to an Arrow stream file, row by row, so that no row is lost
+    where the process dies.
     """
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
@@ -79,12 +79,14 @@ class StreamFile:
         self._write(schema.serialize())
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Append a row with a value for each column; OSError where writing fails."""
+        """Write one more row, with a value for each column in `row`; OSError where that
+        fails.
+        """
         rows = pa.array([row], self._row)
         self._write(pa.RecordBatch.from_struct_array(rows).serialize())
 
     def close(self) -> None:
-        """Close the stream's file; allowed twice."""
+        """Close the file of the stream; a second call does nothing."""
         if not self._file.closed:
             try:
                 self._write(END_OF_STREAM)
@@ -96,7 +98,8 @@ class StreamFile:
 
 
 def _read_stream(path: Path, schema: pa.Schema) -> pa.Table:
-    """Read all complete rows of the stream at `path`, with the columns of `schema`.
+    """All whole rows of the Arrow stream file at `path`, as a table with the columns of
+    `schema`.
 
     Empty without a file, or with one truncated inside its header. Raises
     ConfigurationError for a stream without these columns.
@@ -134,7 +137,8 @@ midlines), ticks.
 
 
 def assemble(folder: Path) -> Tables:
-    """Make the tables of the run in `folder` from its streams, even truncated ones.
+    """Tables of the run in `folder` by file name, made from its stream files, which may
+    be cut off.
 
     Raises ConfigurationError for a stream that is broken or was changed after the run.
     """
@@ -148,8 +152,8 @@ def assemble(folder: Path) -> Tables:
 
 
 def _check_profiles(sights: pa.Table, path: Path) -> None:
-    """Raise ConfigurationError for rows without a profile, or with one of unequal
-    coordinates.
+    """Raise ConfigurationError where a row of `sights` has no midline, or one with
+    unequal numbers of x and z.
     """
     x, z = (pc.list_value_length(sights[name]) for name in ("profile_x", "profile_z"))
     if x.null_count or z.null_count or not x.equals(z):
@@ -160,8 +164,8 @@ def _check_profiles(sights: pa.Table, path: Path) -> None:
 
 
 def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
-    """Rows of a table from `begin` [s] on, with the column `time` counted from there;
-    all rows where `begin` is 0.
+    """Rows of a table from the time `begin` [s] on, whose column `time` counts from
+    there; all rows where `begin` is 0.
     """
     if begin == 0.0:
         return rows
@@ -173,7 +177,8 @@ def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
 
 
 def _tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
-    """Table of ticks, with each desk contact in the row nearest to its image's stamp.
+    """Table of the gripper's motion, in which each measured desk contact stands in the
+    row that is nearest in time to its image.
 
     A row whose stamp did not advance contains no new measurement and is left out, and
     so are one of an arm that reported no number, which no reader takes.
@@ -198,8 +203,8 @@ def _tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
 def check_clock(
     stamps: Array, t: Array, origin: str, before: float = TIME_MARGIN
 ) -> None:
-    """Raise ConfigurationError for `stamps` (k,) [s] outside the gripper's times `t`
-    (m,) [s].
+    """Raise ConfigurationError where some of `stamps` [s], of shape (readings,), lie
+    outside the times `t` [s] of the gripper's motion.
 
     They may lie less than `before` [s] before the first row, and TIME_MARGIN after the
     last one.
@@ -220,8 +225,8 @@ def check_clock(
 
 
 def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Array]:
-    """Columns (n,) of desk contacts [m] and their stamps [s], in the nearest rows of
-    `t` (n,) [s].
+    """Columns with desk contacts [m] and their times [s], of the same shape as the
+    times `t` [s], with each contact in the row nearest in time.
 
     NaN without an image; of two nearest to one row the nearer is used; others are
     dropped.
@@ -243,8 +248,8 @@ def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Arr
 
 
 def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
-    """Rows (k,) of the increasing times `t` (n,), n at least 2, nearest to `stamps`
-    (k,).
+    """Numbers of the rows, of the same shape as `stamps`, whose increasing times `t`
+    are nearest to `stamps`; there are at least two rows.
     """
     after = np.clip(np.searchsorted(t, stamps), 1, t.size - 1)
     nearer = stamps - t[after - 1] <= t[after] - stamps
@@ -253,8 +258,8 @@ def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
 
 
 def sight_tables(sights: pa.Table) -> Tables:
-    """Tables of the strip's measurements `sights` without profiles, and of their
-    profiles' points: t, i, x, z.
+    """Two tables by file name: the measurements `sights` of the strip without midlines,
+    and the points of all midlines.
     """
     counts = pc.list_value_length(sights["profile_x"]).to_numpy()
     points = {
@@ -270,7 +275,8 @@ def sight_tables(sights: pa.Table) -> Tables:
 
 
 def joint_table(rows: Array, origin: float) -> pa.Table:
-    """Table of a robot's joints: `t` relative to `origin` [s], and `q_1` to `tau_J_7`.
+    """Table of a robot's joints from `rows` of shape (n, 29), with times that count
+    from `origin` [s].
 
     Its `rows` (n, 29) hold t [s] on the cell's clock, then q, dq, q_d and tau_J of
     seven joints.
@@ -281,8 +287,8 @@ def joint_table(rows: Array, origin: float) -> pa.Table:
 
 
 def write_parquet(path: Path, table: pa.Table) -> None:
-    """Write `table` as Parquet that replaces the file at `path` at once, when it is
-    complete.
+    """Write `table` as a Parquet file to `path`, where it replaces an older file only
+    once it is complete.
 
     The table's metadata get as `schema` the version of the cell's files. Bytes of like
     weight stand together, which makes measured numbers a third smaller.
@@ -303,7 +309,7 @@ def write_parquet(path: Path, table: pa.Table) -> None:
 
 
 def write_tables(folder: Path, tables: Tables) -> None:
-    """Write the `tables` of a run into its `folder`."""
+    """Write each of `tables`, given by file name, into the run folder `folder`."""
     for name, table in tables.items():
         write_parquet(folder / name, table)
 
@@ -316,8 +322,8 @@ def _numbers(table: pa.Table, column: str) -> Array:
 def unnest(
     table: pa.Table, origin: str, names: Mapping[str, object] | None = None
 ) -> pa.Table:
-    """Copy of a table with one column for each field of a struct, as `pose.x`, and for
-    each number of a vector, as `q.0`.
+    """Copy of a table in which fields of records and numbers of vectors have columns of
+    their own, such as `pose.x` and `q.0`.
 
     `names` are those of the numbers of a vector, by its column, as a LeRobot data set
     states them. Raises ConfigurationError, with the `origin` of the table, for too many
@@ -344,7 +350,9 @@ def unnest(
 def _parts_of(
     column: pa.ChunkedArray, stated: object, origin: str
 ) -> dict[Any, pa.ChunkedArray]:
-    """Numbers of a vector by name, as `stated`; none of a list of several sizes."""
+    """Columns of the single numbers of a vector, by the names that are `stated` for
+    them; empty for lists of unequal lengths.
+    """
     kind = column.type
     if not (pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind)):
         return dict.fromkeys(_axes(stated, size=1), column)
@@ -357,7 +365,9 @@ def _parts_of(
 
 
 def check_width(count: int, origin: str) -> None:
-    """Refuse a table or a list with more columns than MOST_COLUMNS."""
+    """Raise TooLarge where a table or a list has so many columns, `count`, that this
+    program does not read it.
+    """
     if count > MOST_COLUMNS:
         raise TooLarge(
             f"{origin}: holds {count} columns, at most {MOST_COLUMNS} are read; leave"
@@ -366,8 +376,8 @@ def check_width(count: int, origin: str) -> None:
 
 
 def _axes(stated: object, size: int) -> Sequence[object]:
-    """Names of the `size` components of a feature: as stated, numbered, or None for a
-    scalar.
+    """Names of the `size` numbers of a feature: as they are `stated`, or else counted
+    from 0, or None for a single number.
     """
     if isinstance(stated, dict):
         kinds = list(stated.values())
@@ -382,8 +392,8 @@ def _axes(stated: object, size: int) -> Sequence[object]:
 def with_named_parts(
     content: pa.Table, columns: Sequence[str], origin: str
 ) -> pa.Table:
-    """Copy of a table with one added column for each of `columns` that names a part of
-    a list, as `position.elbow`.
+    """Copy of a table with a further column for each of `columns` that names a part of
+    a list, such as `position.elbow`.
 
     Each row lists the names of its parts, `name.0` and so on, in any order; rows
     without any of these parts are left out. Raises ConfigurationError for a part by its
@@ -409,8 +419,8 @@ def with_named_parts(
 
 
 def _parts_named(column: str, labels: Labels, content: pa.Table) -> list[pa.Array]:
-    """Values (n,) of the part that `column` names, one array for each place of a list,
-    null where another part stands there.
+    """Values of the part of a list that `column` names, one array for each place in the
+    list, empty where another part stands there.
     """
     parts: list[pa.Array] = []
     for index, (_, label) in labels.items():
@@ -423,7 +433,9 @@ def _parts_named(column: str, labels: Labels, content: pa.Table) -> list[pa.Arra
 
 
 def _check_index(column: str, labels: Labels, origin: str) -> None:
-    """Refuse a `column` for a place in a list that holds parts of several names."""
+    """Raise ConfigurationError where `column` asks for a place in a list at which
+    different rows hold parts of different names.
+    """
     for index, (prefix, label) in labels.items():
         names = pc.unique(label).drop_null().to_pylist()
         in_list = rf"{re.escape(prefix)}[^.]*[^.\d\[]{re.escape(index)}"
@@ -436,8 +448,8 @@ def _check_index(column: str, labels: Labels, origin: str) -> None:
 
 
 def turn_of(x: Array, y: Array, z: Array, w: Array) -> Array:
-    """Rotation (n,) [rad] from x to z, about -y, since the first of n quaternions with
-    the parts x, y, z, w (n,).
+    """Angles [rad], of the same shape as `x`, by which a body has turned from x towards
+    z since the first of the quaternions with the parts `x`, `y`, `z`, `w`.
     """
     along = w * w[:1] + x * x[:1] + y * y[:1] + z * z[:1]
     across = w * y[:1] - y * w[:1] + z * x[:1] - x * z[:1]
@@ -446,8 +458,8 @@ def turn_of(x: Array, y: Array, z: Array, w: Array) -> Array:
 
 
 def numbers_of(raw: pa.ChunkedArray) -> Array | None:
-    """Numbers (n,) of a column, NaN where a cell is empty; None for a column that holds
-    other things than numbers.
+    """Numbers of a column, of shape (rows,), with NaN for an empty cell; None for a
+    column that holds anything else.
     """
     kind = raw.type  # null where every cell is empty
     if (told := unit_in_cells(raw)) is not None:
@@ -461,8 +473,8 @@ def numbers_of(raw: pa.ChunkedArray) -> Array | None:
 
 
 def unit_in_cells(raw: pa.ChunkedArray) -> str | None:
-    """Unit that all cells of a text column state alike, such as `sec` in `0.004 sec`;
-    None without a common unit.
+    """Unit that all cells of a column of text state, such as `sec` in `0.004 sec`; None
+    where they do not state the same one.
     """
     if not pa.types.is_string(raw.type):
         return None
@@ -472,8 +484,8 @@ def unit_in_cells(raw: pa.ChunkedArray) -> str | None:
 
 
 def seconds_of(raw: pa.ChunkedArray) -> Array | None:
-    """Seconds (n,) since 1970 of a column of ISO 8601 times, all with a zone or all
-    without; None for other columns.
+    """Seconds since 1970, of shape (rows,), of the ISO 8601 times in a column; None for
+    a column that holds anything else.
     """
     is_text = pa.types.is_string(raw.type)
     if not (is_text or pa.types.is_timestamp(raw.type)):
@@ -487,8 +499,8 @@ def seconds_of(raw: pa.ChunkedArray) -> Array | None:
 
 
 def column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
-    """Column called `name`; ConfigurationError, which names the `origin`, where there
-    is none or more than one.
+    """Column called `name` of the table `content`; ConfigurationError, which names
+    `origin`, where there is none or more than one.
     """
     names = content.column_names
     indices = [index for index, each in enumerate(names) if each == name]

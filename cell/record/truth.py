@@ -12,13 +12,15 @@ from drivers.base.readers import SCHEMA, read_yaml
 
 
 def write_truth(folder: Path, truth: Mapping[str, Any]) -> None:
-    """Write truth.yaml of a run on the twin: plant, true displacement and touch."""
+    """Write what is known of the true motion of a simulated strip into the run folder
+    `folder`.
+    """
     write_document(folder / TRUTH, {"schema": SCHEMA, **truth})
 
 
 def read_truth(folder: Path) -> dict[str, Any] | None:
-    """Content of truth.yaml of a run on the twin; None where the folder has no such
-    file.
+    """What is known of the true motion of the simulated strip in the run in `folder`;
+    None where nothing is recorded.
     """
     path = folder / TRUTH
     return read_yaml(path) if path.exists() else None

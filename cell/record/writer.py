@@ -35,7 +35,8 @@ from drivers.base.types import ArmState, Array, Frame
 
 
 class RunWriter:
-    """Writer of one run's folder, safe against a crash of the process at any moment.
+    """Writer of the folder of one run, of which nothing is lost where the process dies
+    at any moment.
 
     run.yaml is on disk before anything moves, rows and events are passed to the
     operating system one by one, tables follow at the end, then result.yaml; the streams
@@ -52,7 +53,7 @@ class RunWriter:
         patient: bool = False,
         film: Encoder | None = None,
     ) -> None:
-        """Create a run's folder below `root`, named by time, strip and chance.
+        """Create a folder for a run below `root`, and write its `header` there.
 
         `patient` lets `frame` wait for the disk and belongs where the clock is virtual;
         `film` names the encoder of a film of all images. Raises ConfigurationError for
@@ -80,7 +81,9 @@ class RunWriter:
             ) from None
 
     def _open_streams(self, opened: ExitStack) -> None:
-        """Open the streams of the run, which `opened` closes, and lock its events."""
+        """Open the files to which rows and events are written, to be closed with
+        `opened`, and lock that of the events.
+        """
         self._events = opened.enter_context(new_file(self.folder / EVENTS))
         fcntl.flock(self._events, fcntl.LOCK_EX)
         self._ticks = tables.StreamFile(self.folder / TICK_STREAM, tables.TICK_ROWS)
@@ -89,15 +92,16 @@ class RunWriter:
         opened.callback(self._sights.close)
 
     def describe(self, **facts: Any) -> None:
-        """Add `facts` to run.yaml after the run's end that were unknown at its start.
+        """Add `facts`, which were not known at the start of the run, to its header once
+        it has ended.
 
         A document that is on disk costs more than a turn of the control loop has.
         """
         self._header |= facts
 
     def tick(self, arm: ArmState, state: str, *, closed: bool = True) -> None:
-        """Write the row of one control cycle: the measured `arm`, in a `state` of the
-        run, with a hand that was told to be `closed`.
+        """Write the row of one turn of the control loop: the measured `arm`, the
+        `state` of the run, and whether the hand was told to be closed.
         """
         commanded = arm.commanded
         pose = arm.pose
@@ -120,26 +124,30 @@ class RunWriter:
             self._ticks.append(row)
 
     def sight(self, measurement: StripMeasurement) -> None:
-        """Write the measurement of the strip in one image."""
+        """Write the `measurement` of the strip in one camera image."""
         self._newest = measurement.stamp
         with self._recording():
             self._sights.append(sight_row(measurement))
 
     def frame(self, frame: Frame) -> None:
-        """Queue an image to be stored; its pixels must not change afterwards."""
+        """Hand over a camera image to be stored; its pixels must not change
+        afterwards.
+        """
         with self._recording():
             self._frames.put(frame, self._mark)
         self._mark = False
 
     def event(self, t: float, kind: str, **facts: Any) -> None:
-        """Write an event at `t` [s]; after a fault the next image is stored."""
+        """Write an event of this `kind` at the time `t` [s] on the clock of the cell;
+        after a fault the next image is stored.
+        """
         self._mark = self._mark or kind == "fault"
         with self._recording():
             write_all(self._events, json_line({"t": t, "kind": kind, **facts}))
 
     def joints(self, rows: Array, origin: float) -> None:
-        """Write a robot's joints at each of its ticks, `rows` (n, 29), t = 0 at
-        `origin` [s].
+        """Write what a robot has measured of its joints, in `rows` of shape (n, 29),
+        with the run's time beginning at `origin` [s].
 
         Columns are t [s], then q, dq, q_d, tau_J of seven joints [rad, rad/s, rad, N
         m].
@@ -148,7 +156,8 @@ class RunWriter:
             tables.write_parquet(self.folder / JOINTS, tables.joint_table(rows, origin))
 
     def finish(self, result: Mapping[str, Any]) -> None:
-        """Close the streams, write the tables, and at last result.yaml; allowed twice.
+        """Close the files of rows, write the tables of the run and, as the last file,
+        its `result`; a second call does nothing.
 
         Raises ConfigurationError for a result that readers would refuse.
         """
@@ -181,8 +190,8 @@ class RunWriter:
 
     @contextmanager
     def under_way(self) -> Iterator[None]:
-        """Keep the run marked as under way within the block, even after `finish` and
-        `close`.
+        """Context in which the run counts as under way, even once it is finished and
+        closed.
 
         A second handle of the locked file: nobody deletes or reads half of it, unless
         we die.
@@ -194,7 +203,9 @@ class RunWriter:
             os.close(handle)
 
     def close(self) -> None:
-        """Close the run's files; without `finish` before it, the run counts as died."""
+        """Close the files of the run; where it was not finished before, it counts as
+        died.
+        """
         with self._recording():
             try:
                 self._close_streams()
@@ -210,8 +221,8 @@ class RunWriter:
 
     @contextmanager
     def _recording(self) -> Iterator[None]:
-        """Raise Fault `record` where writing within the block fails, or failed in the
-        thread.
+        """Context in which an error of writing, here or in the thread that writes
+        images, becomes a Fault named `record`.
         """
         try:
             yield
@@ -227,8 +238,8 @@ class RunWriter:
 
 
 def sight_row(measurement: StripMeasurement) -> dict[str, Any]:
-    """Row of the stream sights.arrows, by column, for the measurement of the strip in
-    one image.
+    """Row for the table of measurements in images, by column, from the `measurement` of
+    the strip in one image.
     """
     row = asdict(measurement)
     row["tip_x"], row["tip_z"] = row.pop("tip")
@@ -237,7 +248,9 @@ def sight_row(measurement: StripMeasurement) -> dict[str, Any]:
 
 
 def _new_folder(root: Path, strip: str) -> Path:
-    """Create a new unique folder under `root`; OSError where none can be made."""
+    """New folder below `root` whose name holds the present time and the name of the
+    `strip`; OSError where none can be made.
+    """
     root.mkdir(parents=True, exist_ok=True)
     moment = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     while True:

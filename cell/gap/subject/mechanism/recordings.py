@@ -81,8 +81,8 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """Compared column of a run: `kind` of quantity, noise `sigma` [SI], its joint or
-    sensor.
+    """Column of a run that is compared with a prediction: its `kind` of quantity, such
+    as torque, its noise `sigma` in SI units, and the joint or sensor that it is of.
 
     A torque is read at an actuator, by number, and acts on a joint, with `gear` [N m]
     there for a unit of the reading. A position or rate is the sum of the joints' with
