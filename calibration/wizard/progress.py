@@ -66,8 +66,8 @@ def position_text(x: float, z: float) -> str:
 
 
 class MarkKind(StrEnum):
-    """Kinds of measured points that are drawn into an image: fitted ones, ones held out
-    of the fit, and wild ones far off.
+    """Kinds of measured points that are drawn into an image: fitted ones, ones kept out
+    of the fit, and ones that lie far off.
     """
 
     FITTED = "fitted"
@@ -178,7 +178,7 @@ def _draw_levels(drawn: Image, deviation: Callable[[Array], Array]) -> None:
 
 def _draw_mark(drawn: Image, mark: Mark) -> None:
     """Draw `mark` into the image `drawn`: a dot or, where it has a label, a circle with
-    its error and label, or a cross for a wild point.
+    its error and label, or a cross for a point that lies far off.
     """
     at = _pixel(mark.pixel)
     colour = COLOURS_BGR[mark.kind]

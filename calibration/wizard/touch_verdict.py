@@ -312,7 +312,7 @@ def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
 
 def _found(verdict: TouchVerdict) -> tuple[Line, ...]:
     """Lines of text with a grade on how well the fitted map of `verdict` meets the
-    touched points, and on points that are wild or left out.
+    touched points, and on points that lie far off or were left out.
     """
     return (
         grade_line(
@@ -411,8 +411,8 @@ def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, .
 
 
 def _point_reasons(fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
-    """Texts on why a map is refused because of the touched points: too many are wild,
-    or they cover too little of the work area.
+    """Texts on why a map is refused because of the touched points: too many lie far
+    off, or they cover too little of the work area.
     """
     numbers = {p.number for p in (*fit.used, *fit.validation, *fit.outliers)}
     repeated = ", ".join(str(p.number) for p in fit.repeated_outliers)

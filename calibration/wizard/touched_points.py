@@ -146,7 +146,9 @@ class TouchedPoints:
         return True
 
     def skip(self) -> None:
-        """Give up the pose that is to be touched next."""
+        """Give up the pose that is to be touched next, so that the one after it is
+        asked for.
+        """
         self._queue = self._queue[1:]
         self._tries = 0
         self._last = None
@@ -171,7 +173,9 @@ class TouchedPoints:
 
     @property
     def why(self) -> str:
-        """Reason for the requested pose, and the number of touched points."""
+        """Text on why the next pose is asked for, with the number of points that are
+        touched.
+        """
         number = self.number
         if self.again:
             return f"point {number} disagrees with the others: touch it once more"

@@ -20,7 +20,7 @@ class Level(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Line of a verdict for the operator, with its grade."""
+    """Line of text for the operator on a calibration, with its grade."""
 
     level: Level
     text: str
@@ -47,8 +47,8 @@ class CalibrationVerdict:
         return not self.reasons
 
     def lines(self) -> tuple[Line, ...]:
-        """Lines for the operator: what was found, the reasons for refusal, the next
-        step.
+        """Lines of text for the operator: what was found, the reasons to refuse it, and
+        what to do next.
         """
         end = Line(Level.FAIR, f"usable: {self.good}")
         if self.reasons:
@@ -75,8 +75,8 @@ def reasons(*facts: tuple[bool, str]) -> tuple[str, ...]:
 
 
 def grade_line(value: float, good: float, fair: float, text: str) -> Line:
-    """Line with `text`, graded by `value`: good up to `good`, fair up to `fair`, else
-    bad.
+    """Line with `text` whose grade depends on `value`: good up to the value `good`,
+    fair up to `fair`, else bad.
     """
     if value <= good:
         return Line(Level.GOOD, text)

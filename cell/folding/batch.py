@@ -168,8 +168,8 @@ class ParallelFolds:
         self._stops = 0
 
     def results(self, interrupted: Callable[[], bool]) -> Iterator[FoldResult]:
-        """Yield the folds' results in the order of the requests, up to the last one
-        started.
+        """Yield the results of the folds in the order of their requests, up to the last
+        fold that was started.
 
         Once `interrupted`, the folds under way stop under control and no other begins;
         after a KeyboardInterrupt they stop at once, and a second one is raised.

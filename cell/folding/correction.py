@@ -77,7 +77,9 @@ class Correction:
         return asdict(self)
 
     def sentence(self) -> str | None:
-        """Text of the correction for the operator; None where nothing was corrected."""
+        """Text for the operator on what was corrected, in millimetres; None where
+        nothing was.
+        """
         learned = self.learned
         parts = []
         if abs(self.seen) >= WORTH_SAYING:

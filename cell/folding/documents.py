@@ -94,7 +94,7 @@ def _hash(plant: StripFile) -> str:
 
 
 def _content(file: StripFile | CellFile) -> dict[str, Any]:
-    """Content of a file, as it is written."""
+    """Content of the settings `file` of a strip or a cell, as it is written to YAML."""
     return file.model_dump(mode="json", by_alias=True)
 
 

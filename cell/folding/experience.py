@@ -148,7 +148,9 @@ class Memory:
             return aside
 
     def _lines_of(self, run: Path) -> set[bytes]:
-        """Lines of the memory that hold experiences of the run in the folder `run`."""
+        """Lines of the memory's file that hold what was learned from the run in the
+        folder `run`.
+        """
         key = run_key(run)
         name = run.resolve().name
         read = ((line, _experience(line)) for line in self._lines())
@@ -160,7 +162,9 @@ class Memory:
         return read_bytes(self.path, LARGEST_LINES).splitlines(keepends=True)
 
     def _all(self) -> tuple[Experience, ...]:
-        """All experiences, oldest first: the latest of each run and instrument."""
+        """All that was learned, oldest first: of each run and measuring instrument the
+        latest entry.
+        """
         latest: dict[tuple[str, str], Experience] = {}
         for experience in filter(None, map(_experience, self._lines())):
             latest[experience.key or experience.run, experience.kind] = experience

@@ -68,8 +68,8 @@ def observe(
     configs: str | Path | None = None,
     progress: Progress = lambda _time: None,
 ) -> FilmMeasurement:
-    """Measure the fold on the film at `film` and write it into the run `folder`, with a
-    copy of the film in which the measurement is drawn.
+    """Measure the fold that the video at `film` shows and write it into the run
+    `folder`, with a copy of the video in which the measurement is drawn.
 
     The film begins with the strip lying flat and still; without a `calibration`, with
     the printed board that stands in the plane of its edge, and the strip lies still
@@ -124,8 +124,8 @@ def observe(
 
 
 def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Frame]:
-    """Yield the images of the film at `film` from `begin` [s] on, scaled to the size of
-    the calibration, with times that count from `begin`.
+    """Yield the images of the video at `film` from `begin` [s] on, scaled to the size
+    of the calibration, with times that count from `begin`.
 
     Raises ConfigurationError for unlike images.
     """
@@ -237,12 +237,14 @@ def _draw_measurement(
 
 
 def _is_confident(held: HeldMeasurement) -> bool:
-    """Whether the held end was found and its image measured with enough confidence."""
+    """Whether the held end of the strip was found in an image, and its measurement
+    there is reliable enough.
+    """
     return held.end is not None and held.measurement.confidence >= PROFILE_CONFIDENCE
 
 
 def _check_enough(measured: Sequence[HeldMeasurement], film: Path) -> None:
-    """Raise ConfigurationError where too few images of the film at `film` show the
+    """Raise ConfigurationError where too few images of the video at `film` show the
     lifted strip.
     """
     count = sum(map(_is_confident, measured))

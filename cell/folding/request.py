@@ -215,7 +215,8 @@ def with_correction(request: Request, learning: str | None) -> Request:
 
 
 def line_at(option: str, texts: Sequence[str], length: float) -> float | None:
-    """Distance [m] from the grasped edge of a strip of `length` [m] to its fold line.
+    """Distance [m] from the grasped edge of a strip of `length` [m] to the line along
+    which it is folded; None for a fold in half.
 
     Each of `texts` is a share of the length, as 1/3 or 0.4, or a length, as 200mm; None
     without any, for a fold in half. Raises ConfigurationError for other text, a line

@@ -139,7 +139,8 @@ def quantities(columns: type[Columns]) -> Mapping[str, PhysicalQuantity]:
 
 @dataclass(frozen=True, slots=True)
 class Ticks(Columns):
-    """Columns of ticks.parquet as arrays (n,) in s, m, rad, N; NaN where not measured.
+    """Rows of the gripper's motion in a run, as columns of shape (rows,) in s, m, rad
+    and N; NaN where something was not measured.
 
     `hand_cmd` is 1 where the hand was told to close, 0 to open.
 
@@ -191,8 +192,8 @@ class Ticks(Columns):
 
 @dataclass(frozen=True, slots=True)
 class Profile(Columns):
-    """Columns of profile.parquet, arrays (n,): stamp `t` [s], order `i`, points `x`,
-    `z` [m].
+    """Measured midline points of a run, as columns of shape (points,): the image's time
+    `t` [s], the point's number `i` in its image, and `x` and `z` [m].
     """
 
     t: Time
@@ -230,8 +231,8 @@ class Profile(Columns):
 
 @dataclass(frozen=True, slots=True)
 class Sights(Columns):
-    """Columns of sights.parquet as arrays (n,): measurement of the strip in every
-    image.
+    """What was measured of the strip in each image of a run, as columns of shape
+    (images,) in SI units.
     """
 
     stamp: Stamp

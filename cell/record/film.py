@@ -45,7 +45,7 @@ ENCODER_TIMEOUT = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """Video file at `path`, filmed by a camera that stands still."""
+    """Video file at `path`, which was filmed by a camera that stands still."""
 
     path: Path
 

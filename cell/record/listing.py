@@ -144,8 +144,8 @@ COLUMNS = ("run", *NAMES[1:])  # the folder by its name
 
 
 def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]:
-    """Runs in `root`, and in folders in it, for which the SQL expression `where` holds,
-    oldest first.
+    """Runs in the folder `root` and in its subfolders for which the SQL expression
+    `where` holds, oldest first; all of them where that is empty.
 
     `sort` is the column to sort by instead, downwards with a leading `-`; runs without
     a value come last. Raises ConfigurationError for a `root` that is no folder or a run

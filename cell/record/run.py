@@ -89,8 +89,8 @@ def _cached_part(
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Recorded run: header, columns and result; `result` is None where the process died
-    before writing one.
+    """Recorded run: its header, the gripper's motion, the strip's midlines, and the
+    result, which is None where the process died before writing one.
 
     Its `reader` says whether broken parts are errors or empty; `parts` are those read
     so far.

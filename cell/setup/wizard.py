@@ -160,7 +160,7 @@ class Wizard:
     def touch(
         self, points: TouchedPoints, watch: Observer, *, remembers: bool = False
     ) -> CalibrationLog:
-        """Move the arm until all `points` are touched, and return what was found;
+        """Move the arm until it has touched all `points`, and return the log of that;
         raises Interrupted or Fault where it was stopped.
 
         Landmarks are taken afterwards if it `remembers`; `watch` is told the progress.

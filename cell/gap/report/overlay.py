@@ -130,7 +130,9 @@ def _log_surroundings(recording: rr.RecordingStream, root: str, run: RunScenes) 
 
 
 def _length(run: RunScenes) -> float:
-    """Length [m] of the strip of a run: how far the gripper was from its fixed edge."""
+    """Length [m] of the strip of a run, taken as the largest distance of the gripper
+    from the strip's fixed edge.
+    """
     return float(run.measured.tracks["gripper"].places[:, 0].max())
 
 

@@ -79,7 +79,9 @@ def interval_numbers(value: Interval, of: str, digits: int = 3) -> list[str]:
 
 
 def interval_text(value: Interval) -> str:
-    """Text of an estimate with its 95 % interval, in the unit that pages show."""
+    """Text of an estimated value with its 95 % interval, if that is bounded, in the
+    unit that pages show.
+    """
     unit = value.unit
     middle, *ends = interval_numbers(value, unit)
     if not ends:
@@ -280,7 +282,7 @@ def motion_name(condition: str) -> str:
 
 
 def capitalised(text: str) -> str:
-    """`text` with a capital first letter."""
+    """Copy of `text` whose first letter is a capital one."""
     return text[:1].upper() + text[1:]
 
 

@@ -39,7 +39,9 @@ HUGE = 1e12  # stands for an infinite value, which JSON cannot hold
 
 
 def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
-    """Verdict document of an investigation, from its findings."""
+    """Verdict on an investigation, as a document, from its `findings`, its `runtime`
+    [s] and its number of `simulations`.
+    """
     decision = findings.decision
     tests = findings.model_tests
     values = intervals(tests.sized, findings.likelihood.inefficiency, tests.scatter)

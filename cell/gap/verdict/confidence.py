@@ -67,5 +67,7 @@ class LogOddsCalibration(Settings):
 
 @cache
 def calibration(kind: str = "strip") -> LogOddsCalibration:
-    """Load the shipped calibration of confidence for strips or mechanisms (`kind`)."""
+    """Coefficients, shipped with this program, for the probability that a verdict on a
+    subject of this `kind`, strip or mechanism, is right.
+    """
     return load(Path(__file__).with_name(FILES[kind]), LogOddsCalibration)

@@ -231,7 +231,9 @@ class Step:
         return f"`{self.command}` {self.words}" if self.command else self.words
 
     def __str__(self) -> str:
-        """Text of the step: its command, and below it what this does."""
+        """Text of two lines: the command of the step, if it has one, and below it what
+        that does.
+        """
         return "\n  ".join(filter(None, (self.command, self.words)))
 
 
@@ -268,7 +270,7 @@ class Verdict(VerdictPart):
 
     @property
     def steps(self) -> list[Step]:
-        """What may be done after the fit, the advised step first."""
+        """All that may be done after the fit, with the advised step first."""
         return [*filter(None, [self.next]), *self.alternatives]
 
     @property
@@ -298,8 +300,8 @@ class Verdict(VerdictPart):
         }
 
     def __str__(self) -> str:
-        """Verdict and its effects in SI units, and how the gap shrinks, in a few
-        lines.
+        """Text of a few lines with the verdict, its effects in SI units, and how far
+        the gap to measurements shrinks.
         """
         return "\n  ".join(self._lines())
 
@@ -331,8 +333,8 @@ class Verdict(VerdictPart):
             yield f"note: {note}"
 
     def _repr_html_(self) -> str:
-        """HTML for a notebook: what is missing, and bars of the held-out gap before and
-        after.
+        """HTML for a notebook: what is missing, and bars of the residuals of held-out
+        runs before and after.
         """
         gap = self.gap
         rows = "".join(
@@ -346,7 +348,9 @@ class Verdict(VerdictPart):
         return f"<pre>{escape(str(self))}</pre><table>{head}{rows}</table>"
 
     def to_json(self) -> str:
-        """JSON text of verdict.json, without lists that only some verdicts have."""
+        """Content of verdict.json as text, without those lists that are empty and that
+        only some verdicts have.
+        """
         at_times = ("deviates", "suspected", "alternatives", "untested")
         absent = {key for key in at_times if not getattr(self, key)}
         return self.model_dump_json(by_alias=True, indent=1, exclude=absent) + "\n"

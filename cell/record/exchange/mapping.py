@@ -466,7 +466,7 @@ def _split(rows: list[str], table: Table[Any]) -> tuple[list[str], str, str]:
 
 
 def _is_number(text: str) -> bool:
-    """Whether `float` can read `text` as a number."""
+    """Whether the text can be read as a number by `float`."""
     try:
         float(text)
     except ValueError:

@@ -85,8 +85,8 @@ def robot(address: str) -> Check:
 
 
 def camera(settings: CellFile) -> Check:
-    """Check whether the configured camera is connected, with its controls locked as
-    configured.
+    """Check whether the camera of the cell is connected, and its controls are locked as
+    the cell file states.
     """
     why = (
         "a picture by other settings is measured by a calibration that does not fit it"
@@ -141,7 +141,9 @@ def camera(settings: CellFile) -> Check:
 
 
 def camera_stream(settings: CellFile) -> Check:
-    """Check whether the camera keeps its rate, and stamps its images itself."""
+    """Check whether the camera keeps its image rate, and gives its images their times
+    itself.
+    """
     why = "an image that is late or stamped at its arrival is measured at another pose"
     if settings.camera is None:
         return Check(

@@ -28,7 +28,7 @@ THROTTLE = Path("/proc/sys/kernel/sched_rt_runtime_us")
 
 
 def versions() -> Check:
-    """Check whether all packages are installed, and state their versions."""
+    """Check whether all needed packages are installed, and state their versions."""
     found = [f"Python {platform.python_version()}"]
     missing = []
     for package in NEEDED_PACKAGES:
@@ -80,7 +80,9 @@ def _text(path: Path) -> str:
 
 
 def disk(runs: Path) -> Check:
-    """Check whether runs can be recorded in the folder `runs`."""
+    """Check whether runs can be recorded in the folder `runs`, by its permissions and
+    its free space.
+    """
     why = "a run that cannot be recorded stops in the middle of the fold"
     folder = next(p for p in (runs.absolute(), *runs.absolute().parents) if p.exists())
     if not folder.is_dir():

@@ -226,8 +226,8 @@ SHORTEST_BENDING_LENGTH, LONGEST_BENDING_LENGTH = 0.002, 0.2
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """Measured bending length of the strip called `strip`, with `warnings` about error
-    sources.
+    """Measured bending length of the strip called `strip`, with texts that warn of
+    sources of error.
     """
 
     strip: str
@@ -281,7 +281,9 @@ class Measurement:
         }
 
     def text(self) -> str:
-        """Text of the measurement for the operator, lengths in mm."""
+        """Text for the operator on the measured bending length, in millimetres, and on
+        what makes it doubtful.
+        """
         count = len(self.bending.fits)
         lines = [
             f"{self.strip}: bending length {_mm_text(self.bending_length)}"
@@ -295,8 +297,8 @@ class Measurement:
 
 
 def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
-    """Measure the bending length of `strip` from photographs of it hanging over a
-    ledge.
+    """Measure the bending length of the strip called `strip` from photographs of it in
+    which it hangs over a ledge.
     """
     bending = _measure_bending(photographs)
     for fit in bending.fits:
@@ -372,8 +374,8 @@ def _curvature_warning(bending: Bending) -> str:
 
 
 def _scatter_warning(bending: Bending) -> str:
-    """Warning about photographs that give different bending lengths; empty where they
-    agree.
+    """Text that warns of photographs that give different bending lengths; empty where
+    they agree.
     """
     pooled = bending.bending_length
     if pooled.agreement > DISAGREEMENT_LEVEL:

@@ -122,8 +122,9 @@ class ClosedLoops:
         return np.array(found[APPROACH_STEPS:])
 
     def maps(self, q: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Linear maps between joints of open and closed loops along positions `q` (m,
-        n).
+        """Linear maps between the joints of the closed loops and those of the opened
+        ones, one of each for every row of the joint positions `q`, of shape (poses,
+        joints).
 
         Forces of motors by torques of joints (m, actuators, n), motions of all joints
         by those of the independent ones (m, n, k), and whether the motors move the loop

@@ -82,7 +82,8 @@ class JointTorques(NamedTuple):
 
 
 class Match(NamedTuple):
-    """How measured torques follow the model's, `factor` times and late by some lag.
+    """How the measured torques of one joint follow the model's: they are `factor` times
+    as large, and late by some lag.
 
     `follows` is their correlation beside friction, `explained` the share of the
     variance that the motion explains. `misfits` (LAGS,) are chi^2 of each lag above the
@@ -96,8 +97,8 @@ class Match(NamedTuple):
 
 
 def match(torques: JointTorques, noise: float) -> Match | None:
-    """Regress measured torques, of some `noise` [N m], on the model's, late by LAGS
-    lags.
+    """Compare measured `torques`, of the stated `noise` [N m], with the model's by
+    linear regression at several lags; None where the run is too short.
 
     Beside the model's each lag has its own torques of the motion, for what a mechanism
     lacks has the clock of what it holds. None where the run is too short to say.
@@ -318,7 +319,9 @@ def _is_near(size: float, known: float, within: float) -> bool:
 
 
 def _lag(lag: float) -> Finding:
-    """Finding on torques whose stamps lag behind those of the motion by `lag` [s]."""
+    """Finding on measured torques whose times lag behind those of the motion by `lag`
+    [s], or lead where that is negative.
+    """
     if lag > 0.0:
         return bad(
             "lag",

@@ -85,13 +85,15 @@ class MechanismEffect:
     of_drives: bool = False
 
     def applies(self, mechanism: Mechanism) -> bool:
-        """Whether the effect can occur in `mechanism`, in its mode of simulation."""
+        """Whether `mechanism` can have the effect, and its mode of prediction can show
+        it.
+        """
         fits = mechanism.mode.name in self.modes and self.possible(mechanism)
         return fits and bool(self.parameters(mechanism))
 
     def by_fields(self, mechanism: Mechanism) -> bool:
-        """Whether edited fields of the model of `mechanism` express the whole
-        effect.
+        """Whether fields of the MuJoCo model of `mechanism` can express all that the
+        effect does.
         """
         is_edit = self.edit is not None and self.read is None
         return is_edit and (self.law is None or mechanism.mode.fields)

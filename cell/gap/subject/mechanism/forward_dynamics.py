@@ -215,8 +215,8 @@ class SplitModel:
         return links, motors
 
     def _set_gears(self, found: Any, edited: Any, readings: Readings) -> None:
-        """Set the gears of the split model `found`: stiffness [N m/rad], play [rad] and
-        damping.
+        """Set the gears in the split model `found`: their stiffness [N m/rad] and play
+        [rad] as `readings` state them, and a damping that suits these.
 
         Springs and parameters of compiled torque laws are those of `edited`, which has
         no gears.

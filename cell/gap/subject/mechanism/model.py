@@ -172,8 +172,8 @@ class Mechanism:
 
     @property
     def places(self) -> dict[str, str]:
-        """Name of the recording's column that holds a joint's position, by the joint's
-        name.
+        """Names of the columns of a recording that hold joint positions, by the name of
+        the joint.
         """
         signals = self.file.signals.items()
         found = {s.joint: n for n, s in signals if s.joint and s.is_ == "position"}
@@ -182,7 +182,9 @@ class Mechanism:
 
     @property
     def driven(self) -> Self:
-        """Copy of the mechanism with only those joints that a motor drives."""
+        """Copy of the mechanism that has only those of its joints that a
+        motor drives.
+        """
         return replace(
             self, joints=tuple(joint for joint in self.joints if joint.actuator >= 0)
         )
@@ -313,8 +315,8 @@ def typical_loads(model: Any) -> tuple[Array, Array]:
 
 
 def number_of(model: Any, kind: str, name: str, origin: str, key: str) -> int:
-    """Number of the body, joint or the like called `name`; ConfigurationError lists
-    those that exist.
+    """Number, in the MuJoCo `model`, of the part of a `kind` such as body or joint that
+    is called `name`; ConfigurationError where there is none.
     """
     count = {"body": "nbody", "joint": "njnt", "actuator": "nu", "site": "nsite",
              "sensor": "nsensor"}[kind]  # fmt: skip

@@ -196,8 +196,8 @@ def _place_in_frame(mechanism: Mechanism, edited: Any, i: int) -> str:
 
 
 def _write_joints(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
-    """Write changed damping, armature, stiffness, friction and rest positions of joints
-    into the model's XML below `root`.
+    """Write damping, armature, stiffness, friction and rest positions of joints that
+    differ in the model `edited` into the XML below `root`.
     """
     radian = any(c.get("angle") == "radian" for c in root.findall("compiler"))
     elements = {e.get("name"): e for e in root.iter("joint") if e.get("name")}
@@ -255,7 +255,9 @@ def _write_options(root: ET.Element, mechanism: Mechanism, edited: Any) -> None:
 
 
 def _write_remark(root: ET.Element, name: str, words: str) -> None:
-    """Write a text of a model, in place of one of the same name."""
+    """Write a custom text called `name`, with the content `words`, into the XML below
+    `root`, in place of one of the same name.
+    """
     if root.find("custom") is None:
         root.insert(0, ET.Element("custom"))
     custom = _child(root, "custom")
@@ -266,8 +268,8 @@ def _write_remark(root: ET.Element, name: str, words: str) -> None:
 
 
 def unsaid(mechanism: Mechanism, known: Known) -> Iterator[str]:
-    """Words on each of the `known` effects, or of its parameters, that no field of a
-    MuJoCo model states.
+    """Yield a text on each of the `known` effects, or part of one, that no field of a
+    MuJoCo model can express.
     """
     for effect, values in known:
         if not effect.by_fields(mechanism):
@@ -280,12 +282,16 @@ def unsaid(mechanism: Mechanism, known: Known) -> Iterator[str]:
 
 
 def remark_in(text: str, name: str) -> str:
-    """Words of the text `name` in a model's MJCF; empty where there is none."""
+    """Content of the custom text called `name` in the MJCF `text` of a model; empty
+    where there is none.
+    """
     found = ET.fromstring(text).find(f"custom/text[@name='{name}']")  # noqa: S314  checked
     return "" if found is None else found.get("data", "")
 
 
 def _child(parent: ET.Element, tag: str) -> ET.Element:
-    """First child of `parent` with a `tag`, which is added where there is none."""
+    """First child element of `parent` with the given `tag`, which is added where there
+    is none.
+    """
     found = parent.find(tag)
     return ET.SubElement(parent, tag) if found is None else found

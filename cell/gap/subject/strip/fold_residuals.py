@@ -65,8 +65,8 @@ where a gripper jerks.
 
 
 def phases(run: MeasuredRun, t: Array) -> Words:
-    """Phase of the fold (n,), such as `lift` or `carry`, at each of the times `t` (n,)
-    [s].
+    """Phase of the fold, such as `lift` or `carry`, at each of the times `t` [s], as
+    words of the same shape.
     """
     # the usual speed of this fold
     even = np.arange(run.t[0], run.end, SPEED_INTERVAL)
@@ -86,8 +86,8 @@ def phases(run: MeasuredRun, t: Array) -> Words:
 
 
 def _end_of_lift(run: MeasuredRun) -> float:
-    """Time [s] at which the gripper has risen to TAKEOVER_HEIGHT; the run's end where
-    it never does, or hangs from the start.
+    """Time [s] at which the gripper has risen so high that the policy takes over; the
+    run's end where it never does, or where the strip hangs from the start.
     """
     risen = run.poses[:, 1] >= TAKEOVER_HEIGHT
     if run.hanging or not risen.any():
@@ -96,8 +96,8 @@ def _end_of_lift(run: MeasuredRun) -> float:
 
 
 def zones(s: Array, length: float) -> Words:
-    """Third of a strip of `length` [m], as words (n,), in which arc lengths `s` (n,)
-    [m] lie.
+    """Which third of a strip of `length` [m] each of the arc lengths `s` [m] lies in,
+    as words of the same shape.
     """
     third = np.clip((3.0 * s / length).astype(np.int64), 0, 2)
     return np.array(ZONES)[third]
@@ -150,7 +150,9 @@ class Layout(NamedTuple):
 
 
 def layout(run: MeasuredRun, length: float) -> Layout:
-    """Group the readings of the fold `run` of a strip of `length` [m] into samples."""
+    """Group the readings of the measured fold `run` of a strip of `length` [m] into
+    samples.
+    """
     sigma = run.sigma
     stamps, _, image, s = run.images
     profile = _part(
@@ -248,7 +250,7 @@ def _part(
 
 
 def _ranks(words: Words, order: Sequence[str]) -> Array:
-    """Position (n,) of each of `words` (n,) in the list `order`."""
+    """Position of each of `words` in the list `order`, as numbers."""
     rank = {word: i for i, word in enumerate(order)}
     return np.array([rank[word] for word in words], dtype=np.float64)
 
@@ -344,7 +346,9 @@ class FoldResiduals:
         return Residuals(mean, square)
 
     def shape_index(self, model: StripModel, motion: SimulatedMotion) -> Array:
-        """Fractional index (m,) into the simulated shapes for each image of the run."""
+        """Which simulated shape belongs to each image of the run, as an index with a
+        fraction, of shape (images,).
+        """
         stamps = self.run.images.stamps
         return motion.index_at(imaged_time(model.observation, stamps))
 

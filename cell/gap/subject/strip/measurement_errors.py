@@ -27,8 +27,8 @@ class RunEffect(ScatterSource):
     place: str
 
     def apply(self, model: StripModel, value: float) -> StripModel:
-        """Copy of `model` with `value` added to the effect's field; relative if its
-        unit is 1.
+        """Copy of `model` in which `value` is added to the field that this quantity
+        changes, as a fraction of it where the unit is 1.
         """
         stated = attrgetter(self.place)(model)
         changed = frozen(stated * (1.0 + value)) if self.unit == "1" else stated + value

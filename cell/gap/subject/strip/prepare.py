@@ -93,7 +93,7 @@ class PreparedFold:
 
     @property
     def run(self) -> MeasuredRun:
-        """Measured fold that was prepared."""
+        """Measured fold from which this one was prepared."""
         return self.residuals.run
 
     @property
@@ -309,8 +309,8 @@ def relinearise(run: FitRun, about: Linearisation) -> FitRun:
 
 
 def _drop_large(change: Array, limit: Array) -> Array:
-    """Copy of `change` (n,) with zeros in place of NaN and of values beyond `limit`
-    (n,).
+    """Copy of `change` with zeros in place of NaN and of values whose size is beyond
+    `limit`, which has the same shape.
     """
     finite = np.nan_to_num(change)
     return np.where(np.abs(finite) < limit, finite, 0.0)
@@ -386,8 +386,8 @@ def _with_leaders(folds: Sequence[PreparedFold]) -> list[PreparedFold]:
 
 
 def _is_replicate(longer: PreparedFold, fold: PreparedFold) -> bool:
-    """Whether the path of `longer` can be simulated in place of `fold`, which ends no
-    later.
+    """Whether the path of the fold `longer` is so like that of `fold`, which ends no
+    later, that it can be simulated in its place.
     """
     if longer.run.contact_height != fold.run.contact_height:
         return False

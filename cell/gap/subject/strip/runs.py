@@ -90,7 +90,8 @@ def _check_motion(origin: Path, run: Run) -> None:
 
 
 def _check_indices(folders: Sequence[RunFolder], heads: Sequence[Header]) -> None:
-    """Raise ConfigurationError where two runs of a batch have the same index.
+    """Raise ConfigurationError where two of the runs in `folders` that belong to one
+    batch have the same index.
 
     `cell fold --repeat` and `cell gap plan` number the folds of one specimen from 0,
     with seeds that grow as the index does; several such batches of the twin are several
@@ -146,12 +147,14 @@ class MeasuredRun:
 
     @property
     def has_force(self) -> bool:
-        """Whether the force of the strip was measured, with a known noise."""
+        """Whether the run holds the force of the strip on the gripper, with a stated
+        noise.
+        """
         return self.sigma.force is not None and len(self.force_t) > 0
 
     @property
     def usable(self) -> bool:
-        """Whether the run is long enough to be compared with simulations."""
+        """Whether the run is long enough to be compared with simulations at all."""
         return len(self.t) > 0
 
     @property
@@ -239,8 +242,8 @@ def _read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measu
 def check_fold(
     known: Collection[str], load: Callable[[str], StripFile], folder: Path
 ) -> tuple[str, ...]:
-    """Remarks on the run in `folder`; ConfigurationError where it contradicts its
-    strip.
+    """Remarks on the run in `folder`, which is checked against the file of its strip;
+    ConfigurationError where it contradicts that.
 
     `load` reads a strip by its name, if it is `known`.
     """
@@ -347,7 +350,9 @@ def _until_touch(run: MeasuredRun, length: float) -> MeasuredRun:
 
 
 def _short_run(name: str, header: Header, why: str) -> MeasuredRun:
-    """Measured run without measurements, for a run too short to be used."""
+    """Run called `name` without any measurements, for a recorded one that is too short
+    to be used, with `why` as its note.
+    """
     none = frozen([])
     return MeasuredRun(
         name=name,

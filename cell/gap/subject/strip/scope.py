@@ -187,8 +187,8 @@ def _parameters(effect: Effect, strip: StripFile) -> list[Parameter]:
 
 
 def _fitted(p: Parameter, length: float, step: float, spread: float) -> Parameter:
-    """Copy of the parameter `p` as it is fitted to a strip of `length` [m]; an amount
-    has `step` and `spread`.
+    """Copy of the parameter `p` of an effect with the bounds, step and prior spread for
+    a fit to a strip of `length` [m].
     """
     if p.role == "place":
         low = max(p.low, 0.0)

@@ -81,7 +81,9 @@ class Job(NamedTuple):
 
     @property
     def key(self) -> bytes:
-        """Digest of all inputs that determine the job's simulated motion."""
+        """Digest of all that determines the simulated motion, which is the same for
+        jobs that give equal motions.
+        """
         return self.digest + struct.pack("<id", *self.resolution)
 
 
@@ -129,8 +131,8 @@ class Simulation:
         self._size = 0
 
     def __call__(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """Simulated motion of each of `jobs`; None where the rod cannot simulate
-        one.
+        """Simulated motion of each of `jobs`, in their order; None where the rod cannot
+        simulate one.
         """
         keys = [job.key for job in jobs]
         cache = self._cache

@@ -120,7 +120,9 @@ def patch_file(
 
 
 def _round_off(value: float) -> float:
-    """Round `value` to the digits that a fit can determine."""
+    """Copy of the number `value`, rounded to the few digits that a fit can
+    determine.
+    """
     return float(f"{value:.{DIGITS}g}")
 
 
@@ -273,8 +275,8 @@ class StripSubject(Subject):
         ]
 
     def experiments(self) -> Sequence[Experiment]:
-        """Runs of the standard motions that could be made next, simulated for the
-        stated strip.
+        """Runs with the standard motions that could be made next, each simulated with
+        the strip as its file states it.
         """
         strip = self.file
         measured = self._measured
@@ -436,7 +438,7 @@ def _simulated_scene(
 
 
 def _images_before_end(run: MeasuredRun) -> Index:
-    """Indices (m,) of the images before the end of the run."""
+    """Indices of those images of `run` that were taken before its comparison ends."""
     return np.flatnonzero(run.images.stamps <= run.end)
 
 

@@ -107,8 +107,8 @@ def rod_folds(
     segments: int,
     dt: float,
 ) -> list[Fold]:
-    """Folds simulated by the rod, of each of `models` along the path of the same
-    index.
+    """Folds simulated by the rod, one of each strip model in `models` along the gripper
+    path of the same index in `paths`.
     """
     every = max(1, round(SHAPE_INTERVAL / dt))
     motions = simulate_all(Rod(segments), models, paths, dt=dt, every=every)
@@ -241,7 +241,9 @@ def write_fold(
 
 
 def _header(strip: str, fold: Fold, noise: Sigma) -> dict[str, Any]:
-    """Content of run.yaml for a simulated fold."""
+    """Content of the header file for a simulated fold that is written as a measured
+    one.
+    """
     sigma = noise.model_dump(exclude_none=True, exclude_unset=True)
     header: dict[str, Any] = {"schema": SCHEMA, "strip": strip, "sigma": sigma}
     header |= {"start": "hanging" if fold.path.hanging else "flat", "index": fold.index}
@@ -250,8 +252,8 @@ def _header(strip: str, fold: Fold, noise: Sigma) -> dict[str, Any]:
 
 
 def _result(touch: Touch | None) -> dict[str, Any]:
-    """Content of result.yaml: the measured `touch`, or the outcome `path_done` without
-    one.
+    """Content of the result file for a simulated fold: its `touch` of the layers, or
+    the outcome of a fold without one where that is None.
     """
     if touch is None:
         return {"schema": SCHEMA, "outcome": "path_done"}
@@ -261,7 +263,9 @@ def _result(touch: Touch | None) -> dict[str, Any]:
 
 
 def _stamps(end: float, lost: float, rng: np.random.Generator) -> Array:
-    """Times (k,) [s] of the images up to `end` [s], without those that are lost."""
+    """Times [s] of the images up to `end` [s], without a random part, the fraction
+    `lost`, that is missing.
+    """
     stamps = np.arange(rng.uniform(0.0, 1.0 / IMAGE_RATE), end, 1.0 / IMAGE_RATE)
     return stamps[rng.uniform(size=len(stamps)) >= lost]
 
@@ -282,7 +286,9 @@ def _touch(fold: Fold, noise: Sigma, rng: np.random.Generator) -> Touch | None:
 
 
 def _shape(fold: Fold, stamp: float) -> Array:
-    """True midline (nodes, 2) [m] that an image with `stamp` [s] shows."""
+    """True midline of the strip that an image with the time `stamp` [s] shows, a row of
+    x and z [m] for each node.
+    """
     time = imaged_time(fold.model.observation, stamp)
     times = fold.shape_t
     after = np.clip(np.searchsorted(times, time), 1, len(times) - 1)
@@ -318,8 +324,8 @@ def _curve(
 def _ticks(
     fold: Fold, end: float, stamps: Array, noise: Sigma, rng: np.random.Generator
 ) -> pa.Table:
-    """Table of control ticks up to `end` [s], with contacts at image times `stamps`
-    (k,) [s].
+    """Table of the rows of motion up to `end` [s], with the desk contacts that images
+    at the times `stamps` [s] show.
     """
     # what images show
     observation = fold.model.observation

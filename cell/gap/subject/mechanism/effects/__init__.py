@@ -218,7 +218,9 @@ causes.
 
 @cache
 def registry() -> Mapping[str, MechanismEffect]:
-    """Effects of mechanisms by name: those of the library, and those of plug-ins."""
+    """All effects that a mechanism may have, by name: those of this library, and those
+    that plug-ins add.
+    """
     families = map(vars, (bodies, compliance, drives, friction))
     known = {
         e.name: e

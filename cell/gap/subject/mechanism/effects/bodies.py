@@ -37,8 +37,8 @@ def _moving_bodies(mechanism: Mechanism) -> list[int]:
 
 
 def _edit_inertia(mechanism: Mechanism, values: Array, edited: Any) -> None:
-    """Scale mass and inertia of each moving body in the MuJoCo model `edited` by 1 +
-    its error in `values`.
+    """Scale the mass and inertia of each moving body in the MuJoCo model `edited` by
+    one plus its relative error in `values`.
     """
     for i, error in zip(_moving_bodies(mechanism), values, strict=True):
         edited.body_mass[i] *= 1.0 + error
@@ -46,8 +46,8 @@ def _edit_inertia(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def _carried_bodies(mechanism: Mechanism) -> list[int]:
-    """Numbers of the bodies whose joints are carried by other joints: an error of their
-    place shows in the motion.
+    """Numbers of the bodies whose joints are carried by other joints, so that an error
+    of their position shows in the motion.
     """
     model = mechanism.model
     bodies = np.unique(model.jnt_bodyid)
@@ -55,8 +55,8 @@ def _carried_bodies(mechanism: Mechanism) -> list[int]:
 
 
 def _place_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Parameters of the carried bodies' offsets [m] along the axes of their parents,
-    with a spread set by the longest link.
+    """Parameters of errors in the positions [m] of carried bodies along the axes of
+    their parents, with a prior set by the longest link.
     """
     model = mechanism.model
     bodies = _carried_bodies(mechanism)
@@ -78,15 +78,15 @@ def _place_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _edit_places(mechanism: Mechanism, values: Array, edited: Any) -> None:
-    """Move the carried bodies in the MuJoCo model `edited` by the offsets
-    `values` [m].
+    """Move the bodies in the MuJoCo model `edited` whose joints are carried by other
+    joints, by the offsets `values` [m].
     """
     edited.body_pos[_carried_bodies(mechanism)] += values.reshape(-1, 3)
 
 
 def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Parameters of the offsets [m] of the last body's centre of mass along
-    its axes.
+    """Parameters of the errors [m] in the centre of mass of the mechanism's last body,
+    one along each of its axes.
     """
     size = 0.01 * max(np.abs(mechanism.model.body_ipos).max(), 0.01)
     return tuple(

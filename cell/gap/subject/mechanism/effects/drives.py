@@ -20,8 +20,8 @@ ORDER = 6.0  # periods of a torque ripple in a turn, where nothing says otherwis
 
 
 def _edit_constant(mechanism: Mechanism, values: Array, edited: Any) -> None:
-    """Scale gain and bias of each motor in the MuJoCo model `edited` by 1 + its error
-    in `values`.
+    """Scale the gain and bias of each motor in the MuJoCo model `edited` by one plus
+    its relative error in `values`.
     """
     for joint, error in zip(mechanism.driven.joints, values, strict=True):
         scale_gain(edited, joint.actuator, 1.0 + error)
@@ -35,7 +35,9 @@ def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Shape parameters of cogging torque: its order and phase [rad] for each joint."""
+    """Parameters that shape the cogging torque of each motor: its number of periods per
+    turn, and its phase [rad].
+    """
     driven = mechanism.driven
     orders = []
     for joint in driven.joints:
@@ -76,8 +78,8 @@ def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Parameters of motor saturation: reciprocal [1/(N m)] of the largest torque of
-    each motor.
+    """Parameters of the largest torque of each motor, each given as its reciprocal
+    [1/(N m)], so that zero stands for no limit.
     """
     found = []
     for joint in mechanism.driven.joints:
@@ -102,7 +104,7 @@ def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 def _edit_saturation(mechanism: Mechanism, values: Array, edited: Any) -> None:
     """Narrow the force range of each motor in the MuJoCo model `edited` to its largest
-    torque.
+    torque, whose reciprocal is in `values`.
     """
     for joint, inverse in zip(mechanism.driven.joints, values, strict=True):
         if inverse != 0.0:

@@ -38,8 +38,8 @@ def _dry_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Parameters of friction that grows with load: friction torque per torque at the
-    gear of each joint [1].
+    """Parameters of friction that grows with load: the friction torque of each joint
+    per unit of the torque that its gear bears.
     """
     ones = np.ones(len(mechanism.joints))
     return per_joint(mechanism, "load", "1", 0.01 * ones, high=100.0)
