@@ -273,12 +273,11 @@ def laid_offset(experiences: Sequence[Experience], rig: float) -> float:
 
 
 def check_ruler(edges: float, rig: float) -> None:
-    """Raise ConfigurationError where the offset `edges` [m] of laid edges by a ruler
-    differs too much from that by the camera to be right.
+    """Raise ConfigurationError where the offset `edges` [m] of laid edges by a ruler,
+    which is `rig` [m] more than that by the camera, differs too much from it.
 
-    It is `rig` [m] larger than the latter. Raises ConfigurationError beyond
-    PLAUSIBLE_SIGMAS of what both err by in a right rig: an error of the rig and a slip
-    of the decimal point look alike, so that a larger one is to be confirmed.
+    Too much is PLAUSIBLE_SIGMAS of what both err by in a right rig: an error of the rig
+    and a slip of the decimal point look alike, so that a larger one is to be confirmed.
     """
     most = PLAUSIBLE_SIGMAS * hypot(LAID, RULER)
     if abs(rig) > most:

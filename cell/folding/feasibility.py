@@ -117,7 +117,7 @@ def assess(request: Request, calibration: Calibration) -> Feasibility:
     """Foresee the fold of `request`, seen by the camera of `calibration`, by
     simulation, before anything moves.
 
-    Its problems are limits of policy, perception, workspace, speed, view and, of a real
+    Problems are limits of policy, perception, workspace, speed, view and, of a real
     arm, desk and joints. Raises ConfigurationError or PreflightRefused for an
     implausible or expired calibration.
     """
@@ -305,8 +305,9 @@ def _simulated_carry(
     """Simulated folds by `policy`, and the gripper's positions in the first of them,
     with a row of x and z [m] for each.
 
-    Where the simulation fails, no folds and the policy's lift. Raises
-    ConfigurationError for a strip or speed that the policy does not allow.
+    Where the simulation fails, the folds are None and the positions those of the
+    policy's lift. Raises ConfigurationError for a strip or speed that the policy does
+    not allow.
     """
     strip = request.strip
     try:

@@ -263,8 +263,8 @@ def _find_ends(
     """Copy of `seen` with precise positions of both ends, for a strip that rests along
     the x axis from x = 0 on.
 
-    Its lower border is sampled, then its ends are searched. `thickness` [m] is that of
-    the strip.
+    The strip's lower border is sampled, then its ends are searched. `thickness` [m] is
+    that of the strip.
     """
     length = seen.length
     x = np.linspace(0.06, 0.94, 120) * length

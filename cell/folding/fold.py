@@ -218,10 +218,10 @@ def _write_truth(folder: Path, truth: Truth, outcome: Outcome) -> Outcome:
 
 def _learn(request: Request, outcome: Outcome, folder: Path) -> str:
     """Store in the memory of the cell how far the fold of `request` deviates from its
-    prediction.
+    prediction, and return why it cannot be stored.
 
-    Returns the reason why it cannot be stored, which the record keeps too; an empty
-    text where it is stored, or where the fold is not usable.
+    The record keeps that reason too; it is empty where the deviation is stored, or
+    where the fold is not usable.
     """
     learning = request.learning
     subject = request.subject
@@ -295,10 +295,10 @@ def realtime_thread(real_time: bool) -> Iterator[None]:
     """Context in which the thread of the control loop keeps its times, where the run is
     in `real_time`; else it changes nothing.
 
-    It takes precedence over threads that record or show: by real-time priority where
-    this user may have it, else by short slices of processor time. Memory is locked, and
-    objects made before are excluded from garbage collection: to look at half a million
-    of the libraries takes longer than an arm follows a velocity target.
+    The thread takes precedence over threads that record or show: by real-time priority
+    where this user may have it, else by short slices of processor time. Memory is
+    locked, and objects made before are excluded from garbage collection: to look at
+    half a million of the libraries takes longer than an arm follows a velocity target.
     """
     if not real_time:
         yield

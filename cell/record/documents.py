@@ -61,10 +61,10 @@ def annotate(
     text: str | None = None,
 ) -> str:
     """Add tags to the notes on the run in the folder `run`, remove others, and set the
-    note to `text` unless that is None; returns all tags.
+    note to `text` unless that is None; returns all tags, separated by spaces.
 
-    Returns the tags, separated by spaces. Raises ConfigurationError, and changes
-    nothing, where the notes cannot be read or written.
+    Raises ConfigurationError, and changes nothing, where the notes cannot be read or
+    written.
     """
     path = run / NOTES
     change_file(path, partial(_annotated, path, {*add}, {*remove}, text))

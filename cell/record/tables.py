@@ -278,8 +278,8 @@ def joint_table(rows: Array, origin: float) -> pa.Table:
     """Table of a robot's joints from `rows` of shape (n, 29), with times that count
     from `origin` [s].
 
-    Its `rows` (n, 29) hold t [s] on the cell's clock, then q, dq, q_d and tau_J of
-    seven joints.
+    A row holds the time [s] on the cell's clock, then q, dq, q_d and tau_J of seven
+    joints.
     """
     names = [f"{field}_{joint}" for field in JOINT_FIELDS for joint in range(1, 8)]
     joints = zip(names, rows[:, 1:].T.astype(np.float32), strict=True)

@@ -154,9 +154,8 @@ def _evidence_by_effect(
     results: FitResults, common: VerdictEvidence
 ) -> dict[str, VerdictEvidence]:
     """Evidence that sets the probability of each accepted effect, by its name: the
-    `common` evidence with the log-odds of that effect.
-
-    It is the `common` one with the log-odds of the effect, or of its class.
+    `common` evidence with the log-odds of that effect, or of those that runs cannot
+    tell from it.
     """
     return {
         effect.name: common.model_copy(

@@ -101,7 +101,7 @@ def match(torques: JointTorques, noise: float) -> Match | None:
     linear regression at several lags; None where the run is too short.
 
     Beside the model's each lag has its own torques of the motion, for what a mechanism
-    lacks has the clock of what it holds. None where the run is too short to say.
+    lacks has the clock of what it holds.
     """
     t = torques.t
     v = torques.v

@@ -156,8 +156,6 @@ class MechanismSubject(Subject):
     def predict(self, cases: Sequence[Case]) -> Sequence[Array | None]:
         """Predicted signals of each of `cases`, as an array of shape (signals,
         readings); None where a simulation diverges.
-
-        None where its simulation diverges.
         """
 
     @abstractmethod

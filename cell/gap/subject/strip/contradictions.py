@@ -165,8 +165,9 @@ def _misses_of_midlines(run: Run) -> Iterator[Contradiction]:
     """Yield contradictions between the measured midlines of the strip and the desk, the
     gripper's position, its pitch, or the points where the strip leaves the desk.
 
-    They begin on the desk, where they are seen to it, and end at the gripper or before
-    it, as it hides the strip, but not beside it: there a shift in x or a delay shows.
+    Midlines begin on the desk, where they are seen to it, and end at the gripper or
+    before it, as it hides the strip, but not beside it: there a shift in x or a delay
+    shows.
     """
     curves = dict(run.profile.curves())
     if not curves:
@@ -209,8 +210,6 @@ def _misses_of_midlines(run: Run) -> Iterator[Contradiction]:
 def _rise_of_beginnings(run: Run, curves: Mapping[float, Array]) -> float:
     """Median height [m] at which the midlines in `curves`, given by time, begin above
     the height of a desk contact; zero where they are not seen down to the desk.
-
-    Zero where they are not seen down to the desk.
     """
     (highest,) = HELD
     is_lifted = np.interp([*curves], run.ticks.t, run.ticks.z) > highest

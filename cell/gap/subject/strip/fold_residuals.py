@@ -284,8 +284,8 @@ def _touch_columns(run: MeasuredRun) -> list[Series]:
     """Three series of one sample for the touch of the layers: its time, the mean of its
     distances from both edges, and the displacement; none where no touch was measured.
 
-    There are none without a touch. l1 and l2 are measured alike, so that their
-    difference and their mean err independently.
+    Both distances are measured alike, so that their difference and their mean err
+    independently.
     """
     if not run.touch:
         return []
