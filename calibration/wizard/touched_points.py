@@ -211,7 +211,7 @@ class TouchedPoints:
 
     def marks(self, verdict: TouchVerdict) -> tuple[Mark, ...]:
         """Marks to be drawn at all touched points, with their errors by the map of
-        `verdict`; outliers are marked as wild.
+        `verdict`; points that do not agree with it have a mark of their own.
         """
         marks = []
         for point in self.touches:

@@ -513,8 +513,8 @@ class Prediction:
 
 
 def _policy_in_rod(request: Request) -> Policy:
-    """Policy of `request` for a simulated rod, whose aim is corrected and whose images
-    have no error.
+    """Policy of `request` for the simulated strip, whose aim is corrected and whose
+    images have no error.
     """
     policy = make_policy(request.policy, request.checkpoint, in_rod=True)
     request.learning.correction.apply(policy)

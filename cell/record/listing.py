@@ -362,7 +362,7 @@ def _size(folder: Path) -> int:
 
 def _start_time(folder: Path) -> datetime:
     """Time at which the run in `folder` began, by the name of the folder, or else by
-    the age of its header file.
+    the age of its header file, or else the start of 1970.
     """
     stamp = BEGAN.match(folder.name)
     with suppress(ValueError):

@@ -79,7 +79,7 @@ def _file_lock(path: Path) -> Iterator[None]:
 
 def calibration_file(settings: CellFile) -> Path:
     """Path at which the calibration of a simulated cell is stored, another one for
-    other settings of its camera.
+    other settings of the simulation or of the calibration.
     """
     facts = settings.model_dump_json(include={"twin", "touches", "boards", "latency"})
     identity = hashlib.sha256(f"{facts}{RENDERING}".encode()).hexdigest()[:12]

@@ -218,7 +218,7 @@ def _residual_trace(
 
 class Worst(NamedTuple):
     """Moment of a run at which the simulation without effects is farthest from the
-    measured curve.
+    measured curve, with the image of that moment and its distances.
 
     `t` [s] is that of image number `image`, `off` the rms distances [m] of the measured
     points from the simulated curves by their key.

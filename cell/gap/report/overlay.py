@@ -53,8 +53,8 @@ def write_overlay(findings: Findings, verdict: Verdict, path: Path) -> None:
 def write_recording(
     name: str, runs: Sequence[RunScenes], path: Path, words: str
 ) -> None:
-    """Write a Rerun recording at `path` of the `runs` of the subject called `name`,
-    with the text `words` on the verdict; ConfigurationError where that fails.
+    """Write a Rerun recording at `path` of the `runs` of the strip or mechanism called
+    `name`, with the text `words` on the verdict; ConfigurationError where that fails.
     """
     recording = rr.RecordingStream("cell gap", recording_id=f"gap-{name}")
     try:

@@ -133,7 +133,7 @@ def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
 
 
 def _base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Values for the page's template on the parameters of the subject's file: a row for
+    """Values for the page's template on the parameters of the fitted file: a row for
     each with its stated and its fitted value, and a note.
     """
     weak = ", ".join(p.name for p, _ in undetermined_values(findings.base))
@@ -397,8 +397,8 @@ def _off(length: float) -> str:
 
 
 def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
-    """Table rows on quantities that differ from run to run; None for a subject that has
-    no such quantities.
+    """Table rows on quantities that differ from run to run; None for a strip or
+    mechanism that has no such quantities.
     """
     if not any(p.random for run in findings.subject.runs for p in run.local):
         return None

@@ -212,8 +212,8 @@ def _describe_rest(findings: Findings, verdict: Verdict) -> str:
 
 
 def deviation_text(deviates: Sequence[Deviation]) -> str:
-    """Text on the fitted values that differ from what the subject's file states and
-    tolerates.
+    """Text on the fitted values that differ from what the file of the strip or
+    mechanism states and tolerates.
     """
     parts = []
     for d in deviates:

@@ -296,8 +296,8 @@ def _may_be_forced(decision: DecidedVerdict, verdict: Verdict) -> bool:
 
 
 def _fold_command(option: str) -> str:
-    """Command line that folds the subject which the command-line `option` names; empty
-    where it is no strip.
+    """Command line that folds the strip which the command-line `option` names; empty
+    where it names a mechanism.
     """
     return f"cell fold {option}" if option.startswith("--strip") else ""
 
@@ -318,8 +318,8 @@ def _step_without_gap(decision: DecidedVerdict, option: str) -> Step:
 def doubtful_values(
     accepted: CrossValidatedFit, fits: Fits, subject: Subject
 ) -> list[list[str]]:
-    """Groups of names, each of an `accepted` effect and of values in the subject's
-    file, one of which may be wrong in place of the other.
+    """Groups of names, each of an `accepted` effect and of values in the file of the
+    strip or mechanism, one of which may be wrong in place of the other.
 
     Either those values lie STRAINED standard deviations off or more without the effect,
     and runs left out are then predicted as well; or they do beside it, and what that
@@ -344,8 +344,8 @@ def doubtful_values(
 
 
 def _strained(fit: FitEstimate) -> list[str]:
-    """Names of values that `fit` moves away from those in the file by more standard
-    deviations of their prior than is credible.
+    """Names of values that `fit` moves away from those in the file by so many standard
+    deviations of their prior that these are not credible.
     """
     return [name for name, strain in strains(fit).items() if abs(strain) > STRAINED]
 

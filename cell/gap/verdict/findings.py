@@ -21,8 +21,8 @@ from drivers.base.types import Array
 
 @dataclass(frozen=True, slots=True)
 class BaseFit:
-    """Fit of the parameters in the subject's own file, without any effect, and tests of
-    the residuals that this leaves.
+    """Fit of the parameters in the file of a strip or mechanism, without any effect,
+    and tests of the residuals that this leaves.
 
     `misfit` is the p-value of the residuals under noise; `scatter` are the quantities
     that differ from run to run; `strained` where the fitted values contradict their
@@ -140,8 +140,8 @@ class FitResults:
 
     @property
     def scope(self) -> Scope:
-        """What the fit of the subject may change: parameters of its file, and candidate
-        effects.
+        """What the fit of the strip or mechanism may change: parameters of its file,
+        and candidate effects.
         """
         return self.subject.scope
 
@@ -203,8 +203,8 @@ class DecidedVerdict(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Findings(FitResults):
-    """All results of the investigation of a subject, together with the verdict and the
-    experiments that would say more.
+    """All results of the investigation of a strip or mechanism, together with the
+    verdict and the experiments that would say more.
 
     `experiments` would separate the accepted model from another one, the best first;
     `law` describes what no effect explains, if one is offered.

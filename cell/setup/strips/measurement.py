@@ -87,8 +87,8 @@ def _excess_squares(y: Array, variance: Array, scatter: float) -> float:
 
 
 def _scatter(y: Array, variance: Array) -> float:
-    """Variance between the values `y`, beyond their own `variance`, at which their sum
-    of squares is as large as expected; zero where it is no larger without.
+    """Variance of the values `y` beyond their own `variance` that explains how much
+    they differ; zero where their own is enough.
     """
     if len(y) < 2 or _excess_squares(y, variance, scatter=0.0) <= 0:
         return 0.0

@@ -68,7 +68,7 @@ def hashed_model(model: StripModel) -> Hashed[StripModel]:
 
 
 class Job(NamedTuple):
-    """One simulation to be run: a strip model along a gripper path, by a simulated rod
+    """One simulation to be run: a strip model along a gripper path, as an elastic rod
     of a given resolution.
 
     `digest` is that of model and path. Jobs of equal `key` give equal motions.
@@ -118,8 +118,8 @@ class SimulatedMotion(NamedTuple):
 
 
 class Simulation:
-    """Simulates motions of strips with the rod on several `threads`, and keeps the
-    latest ones in memory.
+    """Simulates motions of strips as elastic rods on several `threads`, and keeps the
+    latest motions in memory.
 
     A motion does not depend on what is simulated beside it, nor on how many threads
     there are.
@@ -131,8 +131,8 @@ class Simulation:
         self._size = 0
 
     def __call__(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """Simulated motion of each of `jobs`, in their order; None where the rod cannot
-        simulate one.
+        """Simulated motion of each of `jobs`, in their order; None where the strip
+        cannot be simulated.
         """
         keys = [job.key for job in jobs]
         cache = self._cache
@@ -186,8 +186,8 @@ class Simulation:
             return [motion for job in jobs for motion in self._simulate_batch([job])]
 
     def _simulate_together(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """Simulate `jobs` of one resolution as a single batch of the rod; the motion is
-        None for each job that fails on the way.
+        """Simulate `jobs` of one resolution as a single batch; the motion is None for
+        each job that fails on the way.
 
         Raises Fault or Unsupported where one finds no rest at the first pose of its
         gripper.
@@ -210,7 +210,7 @@ class Simulation:
 
     def _remember(self, key: bytes, motion: SimulatedMotion | None) -> None:
         """Keep a `motion` in memory under `key`, and forget the oldest ones where all
-        of them take more than REMEMBERED bytes.
+        of them take more than a fixed amount of memory.
         """
         cache = self._cache
         if key not in cache:
@@ -249,7 +249,7 @@ def _split_by_kind(
     order: Sequence[bytes], jobs: Mapping[bytes, Job]
 ) -> list[list[bytes]]:
     """Split the keys of jobs, kept in `order`, into lists of equal resolution, and
-    further by whether the strips need optional terms of the rod.
+    further by whether the strips need optional terms of the simulation.
 
     A batch in which one strip needs the rod's optional terms computes them for every
     strip. There is no split by them where either part would not fill a vector.

@@ -137,8 +137,8 @@ class ResidualKey(NamedTuple):
 
 
 class StripSubject(Subject):
-    """Measured folds of one strip, as a fit compares them: each is simulated by the rod
-    along the measured gripper path.
+    """Measured folds of one strip, as a fit compares them: each is simulated as an
+    elastic rod along the measured gripper path.
 
     `notes` warn the operator of incomplete runs.
     """
@@ -253,8 +253,8 @@ class StripSubject(Subject):
     def draw_simulated(
         self, requests: Sequence[SimulationRequest]
     ) -> list[Scene | None]:
-        """Drawings of the simulated folds, one for each request; None where the rod
-        cannot simulate it.
+        """Drawings of the simulated folds, one for each request; None where the strip
+        cannot be simulated.
         """
         folds, jobs = self._jobs_of(requests)
         rows = zip(folds, jobs, self._simulation(jobs), strict=True)

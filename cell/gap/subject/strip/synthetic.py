@@ -107,8 +107,8 @@ def rod_folds(
     segments: int,
     dt: float,
 ) -> list[Fold]:
-    """Folds simulated by the rod, one of each strip model in `models` along the gripper
-    path of the same index in `paths`.
+    """Folds of strips simulated as elastic rods, one of each strip model in `models`
+    along the gripper path of the same index in `paths`.
     """
     every = max(1, round(SHAPE_INTERVAL / dt))
     motions = simulate_all(Rod(segments), models, paths, dt=dt, every=every)
