@@ -13,15 +13,13 @@ import yaml
 from cell.base.config.places import find_configs
 from cell.folding.replay import replay
 from cell.folding.request import RecordingOptions
-from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.strip.subject import open_strip
 from cell.record.files import RUN
 from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
 from drivers.franka.limits import FR3
 from tests.end_to_end.folded import Folded, fold_and_keep
 from tests.support.fold_moments import carried_out, scene_for
-from tests.support.gap_strip_cases import STRIP, folds, in_noise, residuals, written
+from tests.support.gap_strip_cases import folds, in_noise, opened, residuals, written
 from tests.support.requests import request_for
 
 pytestmark = [
@@ -85,7 +83,7 @@ def test_the_gap_workflow_reads_the_run_and_finds_nothing_wrong_with_it(
 ) -> None:
     """Beside one that begins flat, since it fits two runs at least."""
     [flat] = written(tmp_path, folds(["normal", "fast"])[1:])
-    strip = open_strip(STRIP, find_runs([Path(fold.result.run), flat]))
+    strip = opened(Path(fold.result.run), flat)
     found = dict(zip((run.name for run in strip.runs), residuals(strip), strict=True))
     alone = SimpleNamespace(runs=[run for run in strip.runs if run.name != flat.name])
     robot = [found[run.name] for run in alone.runs]

@@ -74,8 +74,7 @@ class Curves(Subject):
 
     def __post_init__(self) -> None:
         rng = np.random.default_rng(self.seed)
-        for index in range(self.repeats * len(SPEEDS)):
-            condition = list(SPEEDS)[index % len(SPEEDS)]
+        for index, condition in enumerate([*SPEEDS] * self.repeats):
             y = (
                 0.2
                 + 0.5 * T

@@ -87,6 +87,10 @@ def write_mechanism_fit(
     write_fit(out, file, "accept", contents, effects=tuple(effects), parts=parts)
 
 
+CELL = {"effects": {"desk_tilt": {"angle": 0.004}}}
+"""Patch of a cell file."""
+
+
 class Fitted:
     """Folder of a finished fit, with its strip file and cell file.
 
@@ -109,6 +113,16 @@ class Fitted:
             contents["cell"] = yaml.safe_dump(cell)
         self.kind, self.contents = kind, contents
         self.write()
+
+    @property
+    def stored(self) -> tuple[bytes, bytes]:
+        """Contents of the strip file and the cell file."""
+        return self.file.read_bytes(), self.cell.read_bytes()
+
+    @property
+    def record(self) -> Path:
+        """Where what undoes an acceptance is kept."""
+        return self.file.with_name("denim.yaml.undo.json")
 
     def accept(self, **how: bool) -> AcceptResult:
         """Accept the fit into its strip file and cell file."""

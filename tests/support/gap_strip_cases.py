@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.gap.subject.strip.subject import StripSubject
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.strip.runs import MeasuredRun, read_runs
+from cell.gap.subject.strip.subject import StripSubject, open_strip
 from cell.gap.subject.strip.synthetic import (
     BENCH,
     Fold,
@@ -25,6 +27,9 @@ from drivers.strip.model import Effects
 from policies.experiments.standard import STANDARD
 
 STRIP = Path("configs/strips/denim.yaml")
+FEELING = BENCH.model_copy(update={"force": 0.001})
+"""Noise of a cell that measures the force, too."""
+
 SEGMENTS, STEP = 150, 0.004
 """Of the plant's rod: neither the coarse nor the fine one of the model."""
 
@@ -59,6 +64,16 @@ def written(
             root / f"{fold.index:02d}-{fold.condition}", "denim", fold, by, rng, **flaws
         )
     return sorted(root.iterdir())
+
+
+def opened(*roots: Path) -> StripSubject:
+    """The strip as its file states it, with the runs in the folders `roots`."""
+    return open_strip(STRIP, find_runs(roots))
+
+
+def read(root: Path) -> list[MeasuredRun]:
+    """Runs of the strip in the folder `root`, as they were measured."""
+    return read_runs(find_runs([root]), denim())
 
 
 def residuals(

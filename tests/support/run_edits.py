@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
+from cell.gap.subject.run_table import read_table
 from drivers.base.types import Array
 
 
@@ -23,6 +24,13 @@ def edit_column(path: Path, name: str, change: Callable[[Array], Array]) -> None
     table = pq.read_table(path)
     values = pa.array(change(table[name].to_numpy().astype(np.float64)))
     pq.write_table(table.set_column(table.column_names.index(name), name, values), path)
+
+
+def edit_table(path: Path, change: Callable[[dict[str, Array]], object]) -> None:
+    """Change the columns (m,) of a Parquet file, by name, in place."""
+    columns = read_table(path)
+    change(columns)
+    pq.write_table(pa.table(columns), path)
 
 
 def put(row: int, value: float) -> Callable[[Array], Array]:

@@ -16,17 +16,9 @@ from cell.gap.verdict import accept as acceptance
 from drivers.base import files
 from drivers.base.errors import ConfigurationError
 from tests.support.dying import DIED, REFUSED, in_child
-from tests.support.fit_folders import Fitted
+from tests.support.fit_folders import CELL, Fitted
 
 pytestmark = pytest.mark.slow
-
-UNDO = "denim.yaml.undo.json"
-CELL = {"effects": {"desk_tilt": {"angle": 0.004}}}
-
-
-def fitted_both(root: Path) -> Fitted:
-    """A fit that patches the strip and the cell file."""
-    return Fitted(root, cell=CELL)
 
 
 def whole(fit: Fitted) -> tuple[str, str]:
@@ -45,8 +37,8 @@ def moments(
     dies.
     """
     for moment in range(200):
-        fit = fitted_both(root / str(moment))
-        before = (fit.file.read_bytes(), fit.cell.read_bytes())
+        fit = Fitted(root / str(moment), cell=CELL)
+        before = fit.stored
         prepare(fit)
         code = in_child(lambda fit=fit: action(fit), dies_at=moment)
         yield fit, before
@@ -76,14 +68,14 @@ def test_acceptance_or_undo_killed_at_any_moment_can_be_undone(
     tmp_path: Path, prepare, action
 ) -> None:
     for fit, before in moments(tmp_path, prepare, action):
-        if fit.file.with_name(UNDO).exists():
+        if fit.record.exists():
             fit.undo()
-        assert (fit.file.read_bytes(), fit.cell.read_bytes()) == before
+        assert fit.stored == before
 
 
 def test_two_acceptances_at_once_leave_one_whole_file(tmp_path: Path) -> None:
     for pair in range(20):
-        fit = fitted_both(tmp_path / str(pair))
+        fit = Fitted(tmp_path / str(pair), cell=CELL)
         children = []
         for _ in range(2):
             pid = os.fork()
@@ -101,8 +93,8 @@ def test_two_acceptances_at_once_leave_one_whole_file(tmp_path: Path) -> None:
 def test_disk_that_fills_between_two_files_changes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, full_at: int, stays: bool
 ) -> None:
-    fit = fitted_both(tmp_path / "fit")
-    before = (fit.file.read_bytes(), fit.cell.read_bytes())
+    fit = Fitted(tmp_path / "fit", cell=CELL)
+    before = fit.stored
     full = [False] * (full_at - 1) + [True] + [stays] * 99
     write = files.replace_file
 
@@ -119,10 +111,10 @@ def test_disk_that_fills_between_two_files_changes_nothing(
     if stays:  # nothing could be taken back: the next command does it
         with pytest.raises(ConfigurationError):
             fit.accept(law=True)
-    assert (fit.file.read_bytes(), fit.cell.read_bytes()) == before
-    assert not fit.file.with_name(UNDO).exists()
+    assert fit.stored == before
+    assert not fit.record.exists()
     fit.accept()
-    assert json.loads(fit.file.with_name(UNDO).read_text())["schema"] == 1
+    assert json.loads(fit.record.read_text())["schema"] == 1
 
 
 @pytest.mark.parametrize("name", ["denim.yaml", "cell.yaml"])
@@ -131,7 +123,7 @@ def test_disk_that_fills_between_two_files_changes_nothing(
 def test_an_edit_at_any_moment_is_kept_and_the_other_file_is_whole(
     tmp_path: Path, name: str, moment: int, taken_back: bool
 ) -> None:
-    fit = fitted_both(tmp_path)
+    fit = Fitted(tmp_path, cell=CELL)
     if taken_back:
         fit.accept()
     edited, left = tmp_path / name, [moment]

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -19,7 +18,7 @@ from cell.gap.subject.subject import Origin
 from drivers.base.types import Array
 from tests.support.commands import refused
 from tests.support.gap_strip_cases import STRIP, folds, written
-from tests.support.run_edits import edit_column, edit_yaml, put
+from tests.support.run_edits import edit_column, edit_table, edit_yaml, put
 from tests.support.swings import swings_of
 
 Words = list[object]
@@ -99,13 +98,9 @@ def shuffled(values: Array) -> Array:
 
 def with_column(name: str, made: Callable[[dict[str, Array]], Array]) -> Spoil:
     """A pendulum's table with another column, made from the others."""
-
-    def spoil(run: Path) -> None:
-        table = pq.read_table(run / ANGLES)
-        rows = {key: np.array(table[key]) for key in table.column_names}
-        pq.write_table(table.append_column(name, pa.array(made(rows))), run / ANGLES)
-
-    return spoil
+    return lambda run: edit_table(
+        run / ANGLES, lambda rows: rows.update({name: made(rows)})
+    )
 
 
 def strip_sigma(**changes: float) -> Spoil:

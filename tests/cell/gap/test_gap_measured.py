@@ -8,9 +8,10 @@ import pytest
 from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import fit
 from tests.support.commands import run
+from tests.support.shared import DATA, needs
 
-DATA = Path(__file__).parents[4] / "shared" / "data" / "pendulum"
-real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured pendulums in {DATA}")
+PENDULUM = DATA / "pendulum"
+pytestmark = [pytest.mark.slow, needs(PENDULUM)]
 TRIPLE, SINGLE = (
     CHECKOUT_CONFIGS / "mechanisms" / f"{count}-pendulum" / "mechanism.yaml"
     for count in ("triple", "single")
@@ -18,10 +19,8 @@ TRIPLE, SINGLE = (
 FALSE = {"frame_tilt", "wire_spring", "pivot_compliance"}
 
 
-@real
-@pytest.mark.slow
 def test_triple_pendulum_has_air_drag_and_dry_friction(tmp_path: Path) -> None:
-    verdict = fit([DATA / "triple" / "runs"], TRIPLE, tmp_path / "out")
+    verdict = fit([PENDULUM / "triple" / "runs"], TRIPLE, tmp_path / "out")
     names = [e.name for e in verdict.effects]
     assert (verdict.verdict, sorted(names)) == ("named", ["air_drag", "dry_friction"])
     assert min(verdict.posterior.inclusion[name] for name in names) > 0.999
@@ -34,22 +33,18 @@ def test_triple_pendulum_has_air_drag_and_dry_friction(tmp_path: Path) -> None:
         assert gains[false] < 0.2 * gains["air_drag"]
 
 
-@real
-@pytest.mark.slow
 def test_single_pendulum_is_fitted_by_coulomb_and_quadratic_losses_and_names_no_other(
     tmp_path: Path,
 ) -> None:
-    verdict = fit([DATA / "single" / "runs"], SINGLE, tmp_path / "out")
+    verdict = fit([PENDULUM / "single" / "runs"], SINGLE, tmp_path / "out")
     assert FALSE.isdisjoint(e.name for e in verdict.effects)
     pairs = [c for c in verdict.candidates if c.name.count(" + ") == 1]
     best = min(pairs, key=lambda pair: pair.p).name
     assert best in ("air_drag + dry_friction", "dry_friction + quadratic_damping")
 
 
-@real
-@pytest.mark.slow
 def test_a_fit_prints_the_verdict_that_it_wrote(monkeypatch, capsys, tmp_path) -> None:
-    single = DATA / "single"
+    single = PENDULUM / "single"
     runs = [single / "runs" / f"{k:02d}" for k in range(4)]
     words = ["gap", "fit", *runs, "--model", SINGLE]
     assert run(monkeypatch, *words, "--out", tmp_path, "--json") == 0

@@ -119,15 +119,15 @@ def test_runs_of_another_strip_are_a_finding_and_its_patch_is_accepted(
 ) -> None:
     """Issue 36, item 7: bending length 28.9 mm under a header that says 17.0."""
     names = ("normal", "fast", "slow-low", "normal")
-    written(tmp_path / "runs", folds(names, bending_length=0.0289))
-    file = tmp_path / "denim.yaml"
+    runs, out, file = (tmp_path / name for name in ("runs", "out", "denim.yaml"))
+    written(runs, folds(names, bending_length=0.0289))
     file.write_bytes(STRIP.read_bytes())
-    verdict = fit([tmp_path / "runs"], file, tmp_path / "out", FitOptions(jobs=2))
+    verdict = fit([runs], file, out, FitOptions(jobs=2))
     assert [d.parameter for d in verdict.deviates] == ["bending_length"]
     assert verdict.verdict == "no_gap"
-    assert not (tmp_path / "out" / "patch.yaml").exists()
-    assert "Not as the file states" in (tmp_path / "out" / "report.html").read_text()
-    accept(tmp_path / "out", file)
+    assert not (out / "patch.yaml").exists()
+    assert "Not as the file states" in (out / "report.html").read_text()
+    accept(out, file)
     assert load_strip(file).bending_length == pytest.approx(0.0289, rel=0.02)
-    again = fit([tmp_path / "runs"], file, tmp_path / "again", FitOptions(jobs=2))
+    again = fit([runs], file, tmp_path / "again", FitOptions(jobs=2))
     assert not again.deviates

@@ -11,9 +11,9 @@ import numpy as np
 
 from cell.gap.subject.run_table import read_table
 from tests.support.mechanisms import write_run
+from tests.support.shared import DATA
 
 CONFIGS = Path(__file__).parents[3] / "configs" / "mechanisms"
-DATA = Path(__file__).parents[4] / "shared" / "data"
 # arXiv 2410.08650, XL-330
 KT, OHM, PER_RAD = 0.323, 4.76, 4096.0 / (2.0 * np.pi * 256.0 * 885.0)
 ON = 0.5

@@ -6,20 +6,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.strip.subject import StripSubject, open_strip
-from cell.gap.subject.strip.synthetic import BENCH
+from cell.gap.subject.strip.subject import StripSubject
 from tests.support.gap_strip_cases import (
-    STRIP,
+    FEELING,
     folds,
     in_noise,
+    opened,
     residuals,
     whitened,
     written,
 )
 
 LATE = np.array([0.012])  # s
-FEELING = BENCH.model_copy(update={"force": 0.001})
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +29,7 @@ def late(tmp_path_factory: pytest.TempPathFactory) -> StripSubject:
         folds(["fast", "early-shake"], {"control_delay": {"time": LATE[0]}}),
         FEELING,
     )
-    return open_strip(STRIP, find_runs([root]))
+    return opened(root)
 
 
 def test_force_separates_a_late_arm_from_a_late_camera(late: StripSubject) -> None:

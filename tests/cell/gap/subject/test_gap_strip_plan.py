@@ -2,20 +2,18 @@
 
 import json
 
-import pytest
-
 from cell.base.config.places import find_configs
 from cell.setup.arm.run_settings import at_speed
-from drivers.base.errors import ConfigurationError
 from policies.experiments.standard import STANDARD
 from tests.support.commands import run
+from tests.support.refusals import refusal
 
 
 def test_a_speed_beyond_the_limits_is_refused() -> None:
     settings = find_configs(None).cell()
     assert at_speed(settings, 0.05).fold.speed == 0.05
     assert at_speed(settings, None) is settings
-    with pytest.raises(ConfigurationError, match=r"fold: speed"):
+    with refusal(r"fold: speed"):
         at_speed(settings, 1.0)
 
 

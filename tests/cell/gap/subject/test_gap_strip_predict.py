@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import simulation, subject
-from cell.gap.subject.strip.subject import StripSubject, open_strip
+from cell.gap.subject.strip.subject import StripSubject
 from tests.support.gap_strip_cases import (
-    STRIP,
     folds,
     in_noise,
+    opened,
     residuals,
     whitened,
     written,
@@ -27,7 +26,7 @@ NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> StripSubject:
     root = tmp_path_factory.mktemp("plain") / "runs"
     written(root, folds(NAMES))
-    return open_strip(STRIP, find_runs([root]))
+    return opened(root)
 
 
 def test_nothing_hidden_leaves_noise(plain: StripSubject) -> None:
@@ -85,5 +84,5 @@ def test_a_strip_that_cannot_lie_as_its_run_begins_leaves_the_others_and_a_defec
 def test_wild_points_and_lost_images_do_no_harm(tmp_path: Path) -> None:
     made = folds(["fast", "taut-lift"])
     written(tmp_path / "wild", made, wild=0.08, lost=0.4)
-    strip = open_strip(STRIP, find_runs([tmp_path / "wild"]))
+    strip = opened(tmp_path / "wild")
     assert in_noise(strip, residuals(strip), "profile") < 1.5

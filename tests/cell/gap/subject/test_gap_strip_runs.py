@@ -9,13 +9,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import synthetic
 from cell.gap.subject.strip.contradictions import contradictions
-from cell.gap.subject.strip.runs import read_runs
-from cell.gap.subject.strip.subject import open_strip
 from cell.record.run import read_run
-from tests.support.gap_strip_cases import STRIP, denim, folds, written
+from tests.support.gap_strip_cases import denim, folds, opened, read, written
 from tests.support.run_edits import edit_yaml
 
 
@@ -38,7 +35,7 @@ def first(runs: Path) -> Path:
 def test_what_was_measured_comes_back_and_is_told_where_it_is_swapped(
     runs: Path,
 ) -> None:
-    fast, taut = read_runs(find_runs([runs]), denim())
+    fast, taut = read(runs)
     assert fast.end == fast.touch.time
     assert taut.touch is None
     assert len(fast.contact_t) == pytest.approx(30 * fast.end, rel=0.15)
@@ -46,14 +43,14 @@ def test_what_was_measured_comes_back_and_is_told_where_it_is_swapped(
     assert fast.poses[-1, 2] == pytest.approx(np.pi / 2, abs=1e-6)
     l1, l2 = fast.touch.to_fixed, fast.touch.to_grasped
     edit_yaml(first(runs) / "result.yaml", l1=l1, l2=l2, displacement=l1 - l2)
-    (found,) = open_strip(STRIP, find_runs([runs])).contradictions()
+    (found,) = opened(runs).contradictions()
     assert found.what == "swapped columns"
     assert "l1 and l2 of the touches" in found.words
 
 
 def test_a_run_that_died_is_named_and_used(runs: Path) -> None:
     (first(runs) / "result.yaml").unlink()
-    strip = open_strip(STRIP, find_runs([runs]))
+    strip = opened(runs)
     assert strip.notes[0].startswith("00-fast: died after")
     died = strip.runs[0].samples
     assert len(died) > 20
@@ -69,12 +66,12 @@ def _hide_beginnings(run: Path, since: float, points: int) -> None:
 
 
 def test_a_fold_is_used_up_to_a_touch_that_nobody_noted(runs: Path) -> None:
-    whole, _ = read_runs(find_runs([runs]), denim())
+    whole, _ = read(runs)
     since = whole.end - 0.5
     fold = first(runs)
     (fold / "result.yaml").write_text("schema: 1\noutcome: path_done\n")
     _hide_beginnings(fold, since, 14)
-    strip = open_strip(STRIP, find_runs([runs]))
+    strip = opened(runs)
     (note,) = [note for note in strip.notes if "used up to there" in note]
     assert since - 0.2 < float(note.split("after ")[1].split(" s ")[0]) < since
     assert strip.runs[0].samples.t.max() < since
@@ -96,7 +93,7 @@ def test_a_run_that_died_at_once_is_named_and_left_out(runs: Path) -> None:
     for name in ("ticks.parquet", "profile.parquet"):
         pq.write_table(pq.read_table(again / name).slice(0, 9), again / name)
     (again / "result.yaml").unlink()
-    strip = open_strip(STRIP, find_runs([runs]))
+    strip = opened(runs)
     assert [run.name for run in strip.runs] == ["00-fast", "01-taut-lift"]
     assert strip.notes == ("02-again: has 9 rows only and is left out",)
 
@@ -108,5 +105,4 @@ def test_two_batches_of_repeats_in_one_folder_are_two_specimens(runs: Path) -> N
             twin = {"arm": "twin", "camera": "twin"}
             made = run / "run.yaml"
             edit_yaml(made, seed=seed, index=i, drivers=twin, plant_sha256="p")
-    read = read_runs(find_runs([runs]), denim())
-    assert [run.index for run in read if run.usable] == [0, 0, 1, 1]
+    assert [run.index for run in read(runs) if run.usable] == [0, 0, 1, 1]

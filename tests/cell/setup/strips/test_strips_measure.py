@@ -10,9 +10,8 @@ from cell.setup.strips.cantilever_fit import RestCurvature
 from cell.setup.strips.measurement import Measurement, measure
 from cell.setup.strips.photograph import read_photograph, read_photographs
 from tests.support.hanging_photographs import Scene, photograph
+from tests.support.shared import PHOTOGRAPHS, YARN, needs
 
-YARN = Path(__file__).parents[5] / "shared" / "data" / "yarn"
-PHOTOGRAPHS = sorted(YARN.glob("*.jpg"))
 HEIGHT = 1000
 
 
@@ -72,9 +71,7 @@ def test_overhangs_given_to_the_wrong_photographs_are_noticed(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(
-    not PHOTOGRAPHS, reason="the photographs of yarn are not beside the checkout"
-)
+@needs(YARN)
 def test_real_yarn_has_one_bending_length_at_all_overhangs() -> None:
     overhangs = [float(path.stem.split("_")[2]) / 100 for path in PHOTOGRAPHS]
     found = measure("acrylic", read_photographs(PHOTOGRAPHS, overhangs))

@@ -8,14 +8,10 @@ import pytest
 
 from cell.setup.strips.photograph import extract_midline
 from drivers.base.geometry import even_points
-
-YARN = Path(__file__).parents[5] / "shared" / "data" / "yarn"
-PHOTOGRAPHS = sorted(YARN.glob("*.jpg"))
+from tests.support.shared import PHOTOGRAPHS, YARN, needs
 
 
-@pytest.mark.skipif(
-    not PHOTOGRAPHS, reason="the photographs of yarn are not beside the checkout"
-)
+@needs(YARN)
 @pytest.mark.parametrize("photo", PHOTOGRAPHS, ids=lambda p: p.stem[-4:])
 def test_midline_of_real_yarn_runs_from_ledge_to_tip_inside_the_yarn(
     photo: Path,

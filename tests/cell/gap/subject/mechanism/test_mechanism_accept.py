@@ -39,12 +39,15 @@ RIG = {"encoder_bias": {"bias_shoulder": 0.01, "bias_elbow": -0.02}}
 BASE = {"damping_shoulder": 0.35, "damping_left.elbow": 0.08, "mass_lower": 0.51}
 
 
-def accepted_arm(folder: Path) -> tuple[MechanismSubject, Path, Path]:
+def fitted_arm(root: Path) -> tuple[MechanismSubject, Path, Path, Path]:
+    """An arm, its file and runs, and the folder of a fit that named NAMED and RIG."""
     elbow = {"joint": "left.elbow", "is": "position", "sigma": 3e-4}
     content = FORWARD | {"signals": FORWARD["signals"] | {"elbow": elbow}}
     stated = ARM.replace('"elbow"', '"left.elbow"')
-    file, runs = make_arm(folder, 2, content=content, span=1.0, stated=stated)
-    return opened(file, runs), file, runs
+    file, runs = make_arm(root / "arm", 2, content=content, span=1.0, stated=stated)
+    arm, out = opened(file, runs), root / "out"
+    write_mechanism_fit(out, file, arm, BASE, NAMED | RIG)
+    return arm, file, runs, out
 
 
 @pytest.mark.slow
@@ -52,10 +55,9 @@ def accepted_arm(folder: Path) -> tuple[MechanismSubject, Path, Path]:
 def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(
     tmp_path: Path, to: str
 ) -> None:
-    arm, file, _ = accepted_arm(tmp_path / "arm")
-    write_mechanism_fit(tmp_path / "out", file, arm, BASE, NAMED | RIG)
-    accept(tmp_path / "out", file)
-    export_fit(tmp_path / "out", "mjcf", tmp_path / "exported")
+    arm, file, _, out = fitted_arm(tmp_path)
+    accept(out, file)
+    export_fit(out, "mjcf", tmp_path / "exported")
     run, step = arm.runs[1], arm.mechanism.file.step
     values = {n: np.array(list(v.values())) for n, v in NAMED.items()}
     values["saturation"] = 1.0 / values["saturation"]
@@ -83,13 +85,12 @@ def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(
 def test_what_mjcf_cannot_say_stays_in_the_file_and_undo_takes_all_away(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    arm, file, runs = accepted_arm(tmp_path / "arm")
+    _, file, runs, out = fitted_arm(tmp_path)
     before, model = file.read_text(), (file.parent / "arm.xml").read_bytes()
-    write_mechanism_fit(tmp_path / "out", file, arm, BASE, NAMED | RIG)
     changed, check = list[str](), Change.check
     noted = lambda change: changed.append(change.path.name) or check(change)  # noqa: E731
     monkeypatch.setattr(Change, "check", noted)
-    accept(tmp_path / "out", file)
+    accept(out, file)
     content = yaml.safe_load(file.read_text())
     assert (content["effects"], content["model"]) == (RIG, "arm-accepted.xml")
     assert (file.parent / "arm.xml").read_bytes() == model
@@ -97,7 +98,7 @@ def test_what_mjcf_cannot_say_stays_in_the_file_and_undo_takes_all_away(
     assert "encoder_bias.bias_elbow" in starts
     assert starts["damping_shoulder"] == BASE["damping_shoulder"]
     assert starts["mass_lower"] == BASE["mass_lower"] + NAMED["payload"]["mass"]
-    undo(tmp_path / "out", file)
+    undo(out, file)
     there = [content["model"], file.name]  # a file names no model that is not there
     assert changed == [*there, *there[::-1]]
     assert file.read_text() == before

@@ -8,16 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.gap.subject.run_table import read_table
 from drivers.base.errors import ConfigurationError
-from tests.support.mechanisms import (
-    ARM,
-    FORWARD,
-    PRESCRIBED,
-    make_arm,
-    opened,
-    write_run,
-)
+from tests.support.mechanisms import ARM, FORWARD, PRESCRIBED, make_arm, opened
+from tests.support.run_edits import edit_table
 
 
 def line(
@@ -33,9 +26,7 @@ def line(
     if xml:
         (folder / "arm.xml").write_text(xml)
     if columns:
-        table = read_table(runs / "00/signals.parquet")
-        columns(table)
-        write_run(runs / "00", table, {"mechanism": "arm"})
+        edit_table(runs / "00/signals.parquet", columns)
     with pytest.raises(ConfigurationError) as refused:
         opened(path, runs)
     text = str(refused.value)

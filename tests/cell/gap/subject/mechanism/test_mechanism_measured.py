@@ -4,15 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.lab.benchmarks.measure_mechanisms import DATA, driven, servo
+from tests.lab.benchmarks.measure_mechanisms import driven, servo
 from tests.support.mechanisms import left, opened
+from tests.support.shared import DATA, needs
 
-pytestmark = pytest.mark.slow
-
-real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured mechanisms in {DATA}")
+pytestmark = [pytest.mark.slow, needs(DATA)]
 
 
-@real
 def test_driven_pendulum_misses_what_its_authors_regression_misses(
     tmp_path: Path,
 ) -> None:
@@ -24,7 +22,6 @@ def test_driven_pendulum_misses_what_its_authors_regression_misses(
     assert left(subject, dry_friction=[0.093, 0.078, 0.0, 0.0]) < 0.9 * left(subject)
 
 
-@real
 def test_servo_misses_friction_that_grows_with_the_gears_load(tmp_path: Path) -> None:
     subject = opened(servo(DATA, tmp_path), tmp_path / "runs")
     published = [0.0, 0.14]  # M6 of arXiv 2410.08650, of the external torque

@@ -16,9 +16,9 @@ from cell.gap.subject.mechanism.model_source import (
     read_source,
 )
 from cell.gap.subject.run_folders import find_runs
-from drivers.base.errors import ConfigurationError
+from tests.support.refusals import refusal
+from tests.support.shared import CASES, needs
 
-CASES = Path(__file__).parents[6] / "shared" / "cases"
 MESHED = """<mujoco><compiler meshdir="assets" autolimits="true"/><include file="parts/joints.xml"/>
 <asset><mesh name="a" file="visual/link.obj"/><mesh name="b" file="collision/link.obj"/></asset>
 <worldbody><body name="1"><joint name="j" class="arm"/><geom type="mesh" mesh="a"/>
@@ -113,7 +113,7 @@ def test_files_that_are_not_read_are_refused(
 ) -> None:
     (robot / "linked").symlink_to("/etc/hostname")
     change(robot)
-    with pytest.raises(ConfigurationError, match=words):
+    with refusal(words):
         loaded(robot / "model.xml")
 
 
@@ -125,7 +125,7 @@ def test_changed_texts_find_the_same_meshes(robot: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not CASES.is_dir(), reason=f"no cases in {CASES}")
+@needs(CASES)
 @pytest.mark.parametrize(
     "case",
     [
