@@ -13,7 +13,6 @@ from cell.gap.subject.strip.subject import patch_file
 from cell.gap.subject.subject import Scope
 from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.fit_folder import StoredLaw
-from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
 from drivers.base.yaml_text import dump_yaml
 from drivers.strip.describe import describe, load_strip
@@ -21,6 +20,7 @@ from drivers.strip.law import LAW_TERMS, with_law
 from tests.support.curves import (
     LAWS,
     Curves,
+    Law,
     both,
     bump,
     candidate,
@@ -30,16 +30,19 @@ from tests.support.curves import (
 )
 from tests.support.fit_folders import write_fit
 from tests.support.gap_strip_cases import STRIP, denim
+from tests.support.refusals import refusal
 from tests.support.run_edits import edit_yaml
 
 
 class Withheld(Curves):
-    """Curves whose library lacks the bump; a term of the same form describes."""
+    """Curves whose library lacks the laws `forms`; terms of the same form describe."""
+
+    forms = ("bump",)
 
     @property
     def scope(self) -> Scope:
-        whole = super().scope
-        return replace(whole, terms=(candidate("bump", self.signed),))
+        terms = tuple(candidate(form, self.signed) for form in self.forms)
+        return replace(super().scope, terms=terms)
 
 
 def test_a_law_is_offered_for_a_gap_that_no_effect_explains_and_closes_it() -> None:
@@ -50,6 +53,15 @@ def test_a_law_is_offered_for_a_gap_that_no_effect_explains_and_closes_it() -> N
     assert found.law.shrink > 0.9
     assert verdict.unexplained.law == found.law.words
     assert verdict.unexplained.stable
+
+
+def test_a_law_may_have_three_terms(monkeypatch: pytest.MonkeyPatch) -> None:
+    ring: Law = lambda t, s, i: 0.2 * np.cos(25.0 * t)  # noqa: E731
+    monkeypatch.setitem(LAWS, "ring", ring)  # type: ignore[misc]
+    monkeypatch.setattr(Withheld, "forms", ("bump", "wave", "ring"))
+    three: Law = lambda t, s, i: both(0.2, -0.2)(t, s, i) + ring(t, s, i)  # noqa: E731
+    found, _ = judged(Withheld(three, names=("dead",)))
+    assert {*found.law.terms} == {*Withheld.forms}
 
 
 def test_where_no_law_closes_the_gap_none_is_stated() -> None:
@@ -124,7 +136,7 @@ def test_an_accepted_law_stands_in_the_file_and_can_be_taken_back(fitted) -> Non
 
 def test_a_law_is_accepted_only_when_asked_for(fitted) -> None:
     out, file = fitted
-    with pytest.raises(ConfigurationError, match="nothing was named"):
+    with refusal("nothing was named"):
         accept(out, file)
 
 
@@ -140,5 +152,5 @@ def test_a_law_that_no_engine_knows_or_no_strip_has_is_refused(
 ) -> None:
     file = Path(copy(STRIP, tmp_path))
     edit_yaml(file, law=law)
-    with pytest.raises(ConfigurationError, match="law"):
+    with refusal("law"):
         load_strip(file)

@@ -14,12 +14,11 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from cell.gap.report.figures import RunScenes, worst_moment, worst_picture
+from cell.gap.report.figures import DrawnVerdict, RunScenes, worst_moment, worst_picture
 from cell.gap.report.overlay import write_recording
 from cell.gap.report.page import page
 from cell.gap.report.sentence import number_text
-from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.strip.subject import DISTANCE_SIGNAL, StripSubject, open_strip
+from cell.gap.subject.strip.subject import DISTANCE_SIGNAL, StripSubject
 from cell.gap.subject.strip.synthetic import BENCH
 from cell.gap.subject.subject import Origin, Scene
 from cell.gap.verdict.decision import next_steps
@@ -27,7 +26,7 @@ from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
 from drivers.base.types import Array
 from tests.support.curves import Curves, bump, hidden, judged, nothing
-from tests.support.gap_strip_cases import STRIP, folds, written
+from tests.support.gap_strip_cases import folds, opened, written
 
 SOFT = 0.85  # times the stated bending length
 
@@ -94,7 +93,7 @@ def strip(tmp_path_factory: pytest.TempPathFactory) -> StripSubject:
     """Two folds of the strip exactly as its file states it."""
     root = tmp_path_factory.mktemp("folds") / "runs"
     written(root, folds(["normal", "taut-lift"]))
-    return open_strip(STRIP, find_runs([root]))
+    return opened(root)
 
 
 WORDS = ("measured", "before", "after")
@@ -206,6 +205,20 @@ def test_the_table_of_held_out_runs_states_the_gap_of_the_card(told: Told) -> No
     if len(fits) > 1 and gap.before["excess"]:
         assert f"{gap.before['excess']:.2g} sigma off" in told.text
     assert ("No held-out run leaves more than noise" in told.text) == (not any(excess))
+
+
+def test_bars_of_a_verdict_are_its_residuals_over_their_noise(told: Told) -> None:
+    gap = told.verdict.gap
+    bars = DrawnVerdict(**dict(told.verdict)).plot().axes[0].patches
+    sizes = [
+        side["angle_mrad"] / gap.floor["angle_mrad"] for side in (gap.before, gap.after)
+    ]
+    assert [bar.get_width() for bar in bars] == pytest.approx(sizes)
+
+
+def test_effects_that_change_nothing_are_listed_and_no_others(told: Told) -> None:
+    dead = "Changes nothing in these runs: dead."
+    assert (dead in told.text) == (told.verdict.verdict != "ambiguous")
 
 
 def test_an_all_clear_counts_what_its_table_lists_and_says_what_it_does_not(

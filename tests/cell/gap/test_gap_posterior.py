@@ -7,6 +7,8 @@ import pytest
 from scipy import integrate, stats
 
 from cell.gap.fitting import run_all
+from cell.gap.fitting.base_fit import projection
+from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.fitting.model import Model
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
 from cell.gap.selection.posterior import (
@@ -17,12 +19,18 @@ from cell.gap.selection.posterior import (
     posterior,
     shared_causes,
 )
-from cell.gap.selection.screening import ProbeResponses, detection_limits, run_probes
+from cell.gap.selection.screening import (
+    ProbeResponses,
+    detection_limits,
+    probe_equations,
+    ranked_pairs,
+    run_probes,
+)
 from cell.gap.subject.subject import Candidate
 from cell.gap.verdict.confidence import calibration
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from tests.support.curves import Curves, bump, fitted, hidden, judged, validated
+from tests.support.curves import Curves, both, bump, fitted, hidden, judged, validated
 
 PLAIN = LikelihoodScale(1.0, 1.0)
 EXACT = Beliefs.shipped().model_copy(update={"immaterial": 0.0, "shares": (0.0,)})
@@ -31,12 +39,16 @@ EXACT = Beliefs.shipped().model_copy(update={"immaterial": 0.0, "shares": (0.0,)
 def sets(subject: Curves, *names: tuple[str, ...], prior: Beliefs = EXACT) -> Posterior:
     models = tuple(validated(fitted(subject, n), subject) for n in ((), *names))
     base = models[0]
-    probed = run_all(
-        subject.simulate, [run_probes(base, c) for c in subject.scope.candidates]
-    )
+    probed = screened(subject, base)
     return posterior(
         Fits(models, floor_responses(base, probed, believed=False)), PLAIN, prior
     )
+
+
+def screened(subject: Curves, base: FitEstimate) -> list[ProbeResponses]:
+    """Responses at `base` to every effect of the library."""
+    tasks = [run_probes(base, c) for c in subject.scope.candidates]
+    return run_all(subject.simulate, tasks)
 
 
 def at_prior_mean(
@@ -150,6 +162,14 @@ def test_a_verdict_states_what_its_signs_are_worth() -> None:
     assert effect.confidence == calibration("mechanism").probability(found)
     assert found.left == pytest.approx(1.0, abs=0.2)
     assert abs(found.correlation) < 0.3
+
+
+def test_the_pair_that_is_there_is_fitted_first() -> None:
+    subject = Curves(both(0.2, -0.1), names=("bump", "twin", "wave"))
+    base = fitted(subject)
+    equations = probe_equations(projection(base), screened(subject, base))
+    (pair,) = ranked_pairs(equations, among=1)
+    assert pair.names == ("bump", "wave")
 
 
 def test_what_would_show_is_stated_in_the_unit_of_the_main_parameter() -> None:

@@ -9,17 +9,14 @@ import pytest
 
 from cell.gap import rehearse
 from cell.gap.rehearse import Plan, is_right, rehearsal_plan, write_copy
-from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.strip.runs import read_runs
-from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry
-from tests.support.gap_strip_cases import STRIP, folds, written
+from tests.support.gap_strip_cases import FEELING, STRIP, folds, read, written
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("measured")
-    written(root / "runs", folds(["normal", "fast"]))
+    written(root / "runs", folds(["normal", "fast"]), FEELING)
     return root / "runs"
 
 
@@ -48,11 +45,8 @@ def test_a_copy_follows_the_measured_paths_with_their_noise(
 ) -> None:
     still = made.model_copy(update={"scatter": {}})
     write_copy(still, made.copies[-1], tmp_path / "copy")
-    strip = load_strip(STRIP)
-    before, after = (
-        read_runs(find_runs([p]), strip) for p in (runs, tmp_path / "copy")
-    )
-    for real, copy in zip(before, after, strict=True):
+    pairs = zip(read(runs), read(tmp_path / "copy"), strict=True)
+    for real, copy in pairs:
         assert (copy.condition, copy.index) == (real.condition, real.index)
         assert copy.sigma == real.sigma
         t = np.linspace(0.1, 0.9 * real.end, 50)

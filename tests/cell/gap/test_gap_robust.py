@@ -9,7 +9,7 @@ from scipy import stats
 
 from cell.gap.fitting.base_fit import refit_fine
 from cell.gap.fitting.crossvalidation import folds
-from cell.gap.fitting.gauss_newton import FitEstimate
+from cell.gap.fitting.gauss_newton import FitEstimate, _next_use
 from cell.gap.subject.subject import FitRun, SimulationRequest
 from cell.gap.verdict.decision import decide, describe_left
 from drivers.base.types import Array
@@ -41,6 +41,11 @@ def test_repeats_that_scatter_for_no_reason_leave_the_cause_open() -> None:
     _, verdict = judged(Curves(hidden(wave, 0.3), repeats=4, scatter=0.2))
     assert verdict.verdict == "unexplained"
     assert "repeats of one condition differ by" in verdict.unexplained.description
+
+
+def test_a_jacobian_is_mended_once_and_then_made_anew() -> None:
+    used = [_next_use(0.5, use) for use in ("new", "kept", "mended")]
+    assert used == ["mended", "mended", "new"]
 
 
 def test_loss_of_runs_left_out_is_that_of_their_normal_density() -> None:

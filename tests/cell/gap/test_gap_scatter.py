@@ -7,10 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import approx_fprime
 
-from cell.gap.fitting.reml import SMALLEST, covariance, degrees_of_freedom, reml_spreads
+from cell.gap.fitting.reml import (
+    SMALLEST,
+    Likelihood,
+    covariance,
+    degrees_of_freedom,
+    reml_spreads,
+)
 from cell.gap.subject.subject import Residuals, SimulationRequest
 from cell.gap.verdict.compose import intervals
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 from tests.support.curves import Curves, Law, T, bump, fitted, hidden, judged, nothing
 
@@ -57,6 +65,18 @@ def test_spread_is_estimated_within_its_interval(true: float) -> None:
     drawn = np.std(subject.drawn[: len(subject.runs)], ddof=1)
     assert found.value == pytest.approx(drawn, rel=0.3)
     assert found.low < true < found.high
+
+
+def test_slope_of_the_restricted_likelihood_is_its_change() -> None:
+    fit = fitted(Scattering(nothing, USUAL))
+    likelihood = Likelihood.of(fit, {"ripple": fit.runs[0].local[-1]})
+
+    def loss(logs: Array) -> tuple[float, Array]:
+        return likelihood.loss(np.exp(logs), [0])
+
+    logs = np.array([-1.0])
+    (change,) = approx_fprime(logs, lambda x: loss(x)[0], 1e-6)
+    assert loss(logs)[1] == pytest.approx(change, rel=1e-3)
 
 
 def test_what_the_runs_refute_is_switched_off_as_is_what_all_of_them_hold() -> None:

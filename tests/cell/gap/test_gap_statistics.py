@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
+from scipy.signal import lfilter
 
 from cell.gap.fitting import robust
-from cell.gap.fitting.normal_equations import NormalEquations
+from cell.gap.fitting.normal_equations import NormalEquations, covariance
 from cell.gap.selection.likelihood import holm
 from cell.gap.subject.subject import FitRun, Samples, Series
 
@@ -22,6 +23,12 @@ def test_bounded_step_is_the_minimum_within_the_bounds() -> None:
         np.testing.assert_allclose(step, best, atol=1e-6)
 
 
+def test_a_value_that_nothing_determines_leaves_the_errors_of_others_finite() -> None:
+    found = covariance(np.diag([4.0, 0.0]))
+    assert np.isfinite(found).all()
+    assert found[0, 0] == pytest.approx(0.25)
+
+
 def test_holm_probabilities_are_the_textbook_ones() -> None:
     textbook = {"a": 0.03, "b": 0.06, "c": 0.06, "d": 0.02}
     assert holm({"a": 0.01, "b": 0.04, "c": 0.03, "d": 0.005}) == pytest.approx(
@@ -32,14 +39,9 @@ def test_holm_probabilities_are_the_textbook_ones() -> None:
 def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:
     rng = np.random.default_rng(0)
     long = [FitRun(f"r{k}", "one", _samples(4000)) for k in range(8)]
-    walks = []
-    for _ in long:
-        x = np.zeros(4000)
-        for i in range(1, 4000):
-            x[i] = 0.6 * x[i - 1] + rng.standard_normal()
-        walks.append(x)
+    white = [*rng.standard_normal((len(long), 4000))]
+    walks = [*lfilter([1.0], [1.0, -0.6], white)]
     assert robust.inefficiency(long, walks) == pytest.approx(4.0, rel=0.1)
-    white = [rng.standard_normal(4000) for _ in long]
     assert robust.inefficiency(long, white) == pytest.approx(1.0, abs=0.05)
 
 

@@ -5,6 +5,7 @@ cell.yaml.
 import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,17 +14,16 @@ from scipy.special import betainc
 
 from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.gap.open_subject import open_mechanism
+from cell.gap.subject.mechanism import cell_arm
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.verdict.accept import accept
 from cell.record.tables import joint_table, write_parquet
-from drivers.base.errors import ConfigurationError
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
 from drivers.franka.model import ArmPlant, arm_mjcf
 from drivers.twin.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.twin.fci_server.posture import Posture, zero_rates
 from tests.support.fit_folders import write_mechanism_fit
-
-pytestmark = pytest.mark.slow
+from tests.support.refusals import refusal
 
 FILE = CHECKOUT_CONFIGS / "mechanisms" / "arm" / "mechanism.yaml"
 TICKS = 1500
@@ -83,6 +83,7 @@ def left(subject, effects) -> dict[str, float]:
     }
 
 
+@pytest.mark.slow
 def test_what_was_hidden_explains_torques_and_tracking(soft):
     hidden = {
         "payload": np.array([0.3]),
@@ -99,6 +100,7 @@ def test_what_was_hidden_explains_torques_and_tracking(soft):
         assert left(soft, without)["tracking"] > 5 * whole["tracking"]
 
 
+@pytest.mark.slow
 def test_load_and_delay_are_accepted_into_the_cell(soft, tmp_path):
     file = shutil.copytree(FILE.parent, tmp_path / "arm") / FILE.name
     cell, out = tmp_path / "cell.yaml", tmp_path / "out"
@@ -119,9 +121,17 @@ def test_load_and_delay_are_accepted_into_the_cell(soft, tmp_path):
     assert accepted["control_delay"] == effects["control_delay"]
 
 
+def test_the_farthest_that_an_effect_moves_the_gripper_is_told(monkeypatch):
+    monkeypatch.setattr(cell_arm, "ordered_values", lambda *_: np.zeros(1))
+    moved = np.array([1e-3, 4e-3])
+    arm = SimpleNamespace(mechanism=None, runs=[0], _moved_by=lambda *_: moved)
+    first, _ = cell_arm.CellArm.consequences(arm, {}, {"payload": {}})
+    assert "up to 4.00 mm (rms 2.92)" in first
+
+
 def test_a_fold_without_joints_is_refused_in_one_line(tmp_path):
     run = tmp_path / "0"
     run.mkdir()
     (run / "run.yaml").write_text(yaml.safe_dump({"schema": 1, "strip": "denim"}))
-    with pytest.raises(ConfigurationError, match="cell fold --arm fci"):
+    with refusal("cell fold --arm fci"):
         open_mechanism(FILE, [RunFolder(run, "0")])
