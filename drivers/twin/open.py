@@ -1,5 +1,5 @@
-"""Construction of the simulated cell, completely, or as a desk with strip for another
-arm.
+"""Construction of the simulated cell, either complete, or as a desk with a strip for an
+arm outside of it.
 """
 
 from collections.abc import Callable
@@ -32,7 +32,8 @@ MeasuredPose = Callable[[], tuple[float, Pose] | None]
 
 @dataclass(frozen=True, slots=True)
 class PlantOptions:
-    """Parts of a twin that can be replaced: the strip's engine, and the camera's view.
+    """Parts of the simulated cell that can be replaced: the strip's engine, and the
+    camera's view.
 
     `engine` makes the plant for a number of links; `view` makes what the camera sees of
     a world.
@@ -47,8 +48,8 @@ DEFAULT_PLANT = PlantOptions()
 
 @dataclass(frozen=True, slots=True)
 class Desk:
-    """Simulated desk, the twin without arm and hand: clock, world, camera, `home` pose
-    to start.
+    """Simulated desk with a strip and a camera but without arm and hand; the gripper
+    starts at the pose `home`.
     """
 
     clock: TwinClock
@@ -74,8 +75,8 @@ def open_twin(
     installation: Installation = DEFAULT_INSTALLATION,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Twin:
-    """Create a twin at rest, the strip `plant` on its desk, the hand open above the
-    grasped edge.
+    """Create the simulated cell at rest: the strip of `plant` lies on the desk, and the
+    open hand is above the edge to grasp.
 
     The `plant` may also have effects of the rig. The same `seed` gives the same bytes.
     `index` is the number of runs that this specimen has already been through.
@@ -111,8 +112,8 @@ def open_desk(
     installation: Installation,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Desk:
-    """Create a desk with strip and camera on `clock`, whose gripper an external arm
-    moves.
+    """Create a simulated desk with strip and camera on `clock`; an arm outside of it
+    moves its gripper.
     """
     model = describe(plant, index=index)
     home = Pose(model.stated_length, installation.home_height, 0.0)
@@ -150,8 +151,8 @@ def open_desk(
 
 
 def thickness_between_fingers(desk: Desk, settings: HandSettings) -> float | None:
-    """Thickness [m] of the strip between the fingers of an external hand; None for no
-    strip.
+    """Thickness [m] of the strip that a hand outside of the simulated `desk` would
+    close on; None where no strip is between its fingers.
     """
     if desk.world.holds_strip or desk.world.edge_within(settings.reach, settings.lean):
         return desk.model.mechanics.thickness

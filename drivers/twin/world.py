@@ -120,8 +120,8 @@ class Fingers:
 
 @dataclass(frozen=True, slots=True)
 class Grasp:
-    """Rigid grasp: position `along`, `across` [m] and `turn` [rad] of the edge in the
-    hand.
+    """Rigid grasp of a strip: position `along`, `across` [m] and angle `turn` [rad] of
+    its edge in the frame of the hand.
     """
 
     along: float
@@ -151,7 +151,9 @@ class Grasp:
 
 
 class Plant(Stepper, Protocol):
-    """Protocol of a strip engine that can also release the strip."""
+    """Protocol of an engine that simulates a strip, and that can also release its
+    grasped edge.
+    """
 
     def release(self) -> None:
         """Release the grasped edge; later gripper poses have no effect on it."""
@@ -231,8 +233,8 @@ class World:
             self._history.add(self._scene(self.time, hand))
 
     def scene(self, stamp: float) -> WorldState:
-        """Scene at `stamp` [s]; Fault `world_unknown` where the history does not reach
-        it.
+        """State of the simulated world at `stamp` [s]; raises Fault `world_unknown`
+        where the history does not reach it.
         """
         return self._history.at(stamp)
 
@@ -292,8 +294,8 @@ class World:
 
     @property
     def grip_force(self) -> tuple[float, float]:
-        """Force [N] of the strip on the gripper along the cell's x and z; 0 without a
-        strip.
+        """Force [N] of the strip on the gripper along the cell's x and z; both are zero
+        unless the fingers hold the strip.
         """
         if not self.holds_strip or self._observed is None:
             return 0.0, 0.0
@@ -302,8 +304,8 @@ class World:
 
     @property
     def touch(self) -> Touch | None:
-        """First touch of the strip's layers, with the run's time [s]; None before the
-        touch.
+        """First touch of the strip's layers, with the time of the run [s]; None before
+        the layers touch.
         """
         if self._observed is None or self._grasped_at is None:
             return None
@@ -314,8 +316,8 @@ class World:
 
     @property
     def edge_offset(self) -> float:
-        """Signed distance [m] along x by which the grasped edge lies beyond the fixed
-        one.
+        """Distance [m] along x by which the grasped edge lies beyond the fixed one;
+        negative where it is short of it.
         """
         return float(self._points[0, 0] - self._points[-1, 0])
 
@@ -334,8 +336,8 @@ class World:
         return Pose(x, z, float(np.arctan2(dz, dx)))
 
     def _hand_at(self, time: float) -> Pose:
-        """Reported pose at `time` [s], linear between poses; older ones are
-        forgotten.
+        """Pose of the gripper that the arm reports at `time` [s], linear between the
+        known poses; older ones are forgotten.
         """
         path = self._path
         while len(path) > 1 and path[1][0] <= time:

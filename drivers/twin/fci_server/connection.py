@@ -15,8 +15,8 @@ INCOMPATIBLE = 1
 
 
 class Connection:
-    """TCP and UDP sockets of a client; no call blocks or raises once the client has
-    gone.
+    """TCP and UDP sockets of one client of the emulated robot; no method blocks, or
+    raises once the client has gone.
     """
 
     def __init__(self, tcp: socket.socket) -> None:
@@ -36,8 +36,8 @@ class Connection:
         return -1 if self._udp is None else self._udp.fileno()
 
     def read(self) -> bool:
-        """Append the TCP bytes that have arrived to `received`; False once the client
-        has gone.
+        """Append the client's bytes that have arrived over TCP to the buffer
+        `received`; returns False once the client has gone.
         """
         try:
             content = self._tcp.recv(4096)
@@ -49,15 +49,17 @@ class Connection:
         return bool(content) and len(self.received) <= MOST_PENDING
 
     def send(self, content: bytes) -> bool:
-        """Send `content` to the client over TCP; False where not all of it is taken."""
+        """Send `content` to the client over TCP; returns False unless all of it is
+        taken at once.
+        """
         try:
             return self._tcp.send(content) == len(content)
         except OSError:
             return False
 
     def open_datagrams(self, address: str, port: int) -> bool:
-        """Open UDP between `address` and the client's `port`; False for an invalid
-        port.
+        """Open a UDP socket between `address` and the client's `port`; returns False
+        where the port is invalid.
         """
         udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         udp.setblocking(False)
@@ -88,7 +90,9 @@ class Connection:
             return None
 
     def reset_on_close(self) -> None:
-        """Let `close` send RST, so that the client does not wait for a reply."""
+        """Let `close` reset the TCP connection, so that the client does not wait for a
+        reply.
+        """
         self._tcp.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
 
     def close(self) -> None:
@@ -99,7 +103,8 @@ class Connection:
 
 
 class Port(ABC, Generic[K]):
-    """Listening TCP port with pending connections and at most one client.
+    """Listening TCP port of the emulated robot, with one client at most, and with
+    connections that are yet to be admitted.
 
     A connection without a request stays pending: it blocks nothing, and the oldest is
     dropped when there are too many. A second client is refused by a reset, so that its
@@ -139,7 +144,7 @@ class Port(ABC, Generic[K]):
 
     @abstractmethod
     def _answer(self, request: ClientRequest[K]) -> bytes:
-        """Content of the reply to a client's `request`; empty for one that is due
+        """Bytes of the reply to the client's `request`; empty where the reply is sent
         later.
         """
 
@@ -148,7 +153,9 @@ class Port(ABC, Generic[K]):
         """End the motion or the hand's command of a client that has disconnected."""
 
     def serve(self, descriptor: int) -> None:
-        """Read from the TCP socket `descriptor`, if it belongs to this port."""
+        """Accept the connections or read the bytes that wait at the TCP socket
+        `descriptor`, if it belongs to this port.
+        """
         if descriptor == self._listener.fileno():
             while self._accept():
                 continue
@@ -167,7 +174,9 @@ class Port(ABC, Generic[K]):
         self._abandon()
 
     def repeat(self) -> None:
-        """Send the last state to the client again, as a datagram may have been lost."""
+        """Send the client the datagram of the newest state again, as it may have been
+        lost.
+        """
         if self.client is not None and self._datagram:
             self.client.send_datagram(self._datagram)
 
@@ -207,8 +216,8 @@ class Port(ABC, Generic[K]):
             self.client = None
 
     def _accept(self) -> bool:
-        """Accept a waiting connection as a guest, which has sent no request; False for
-        none.
+        """Accept one waiting connection, which is admitted only at its request; returns
+        False where none waits.
         """
         guests = self._guests
         try:
@@ -225,8 +234,8 @@ class Port(ABC, Generic[K]):
         return True
 
     def _greet(self, guest: Connection) -> None:
-        """Read the connection request of a waiting `guest`, and admit or refuse the
-        guest.
+        """Read the request of `guest`, a connection not yet admitted, and admit or
+        refuse it.
         """
         try:
             present = guest.read()
@@ -240,7 +249,9 @@ class Port(ABC, Generic[K]):
             self._admit(guest, request)
 
     def _admit(self, guest: Connection, request: ClientRequest[K]) -> None:
-        """Make a guest the client, with states sent to its UDP port, or refuse it."""
+        """Make the connection `guest` the client, whose UDP port in `request` gets the
+        robot's states, or refuse it.
+        """
         version, port = request.values
         status = 0 if version == self.version else INCOMPATIBLE
         content = self._framing.status.pack(status) + struct.pack("<H", self.version)

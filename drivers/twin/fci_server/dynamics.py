@@ -21,7 +21,9 @@ Sag = Callable[[Posture], Array]
 
 
 class RateReport(StrEnum):
-    """Kinds of reports of a robot on the rates of its commanded joints."""
+    """How the emulated robot reports the rates of its commanded joints: exactly,
+    filtered, late, as zero, or as measured.
+    """
 
     EXACT = "exact"
     FILTERED = "filtered"
@@ -31,8 +33,8 @@ class RateReport(StrEnum):
 
 
 class Dynamics:
-    """Joint torques of an arm: published model with friction, load, sensor errors of a
-    `plant`.
+    """Joint torques of the emulated arm: those of the published model with the
+    friction, load and sensor errors of `plant`.
     """
 
     def __init__(self, plant: ArmPlant) -> None:
@@ -50,7 +52,9 @@ class Dynamics:
         self._payload_point = np.add(plant.payload_at, (0.0, 0.0, FLANGE))
 
     def torque(self, posture: Posture) -> Array:
-        """Torques (7,) [N m] of the joints that move the arm as in `posture`."""
+        """Torques (7,) [N m] of the joints that give the arm the position and motion in
+        `posture`.
+        """
         plant = self._plant
         rates = posture.joints
         q = posture.q - plant.encoder_bias
@@ -80,7 +84,9 @@ class Dynamics:
         return np.multiply(self._plant.compliance, self.torque(posture))
 
     def _payload_torque(self, velocity: Array, acceleration: Array) -> Array:
-        """Torques (7,) [N m] of the payload: J' m (J ddq + dJ dq - g) of a point."""
+        """Joint torques (7,) [N m] that carry and accelerate the payload, a point mass,
+        at joint `velocity` [rad/s] and `acceleration` [rad/s^2].
+        """
         model = self._arm.model
         data = self._arm.data
         body = model.body("link7").id
@@ -95,7 +101,8 @@ class Dynamics:
 
 
 class ReportedRates:
-    """Rates of the commanded joints as the robot reports them, by the `kind` of report.
+    """Velocities and accelerations of the commanded joints as the emulated robot
+    reports them, in the manner `kind`.
 
     What a robot reports need not be the derivative of what it was commanded: FILTERED
     lags by FILTER_TIME, LATE is LATE_TICKS old, MEASURED is of the arm itself.
@@ -108,8 +115,8 @@ class ReportedRates:
         self._measured = zero_rates(7)
 
     def tick(self, commanded: Rates, measured: Rates) -> None:
-        """Advance by one tick to the `commanded` rates, and those `measured` of the
-        arm.
+        """Advance by one tick of 1 ms, to the `commanded` joint rates and to those
+        `measured` of the arm.
         """
         self._past.append(commanded)
         self._measured = measured
@@ -122,7 +129,9 @@ class ReportedRates:
 
     @property
     def rates(self) -> Rates:
-        """Rates of the joints that are reported in this tick."""
+        """Velocities and accelerations of the joints that the robot reports in this
+        tick of 1 ms.
+        """
         match self.kind:
             case RateReport.EXACT:
                 return self._past[-1]
@@ -137,8 +146,8 @@ class ReportedRates:
 
 
 class LaggingArm:
-    """Arm whose `posture` lags the commands by a `delay` [s] and a first-order `lag`
-    [s].
+    """Arm whose `posture` follows the commanded joints after `delay` [s] and with the
+    first-order time constant `lag` [s].
 
     `sag` gives from the motors' posture the deflection (7,) [rad] to subtract from
     their joints.
@@ -152,7 +161,9 @@ class LaggingArm:
         lag: float,
         sag: Sag | None,
     ) -> None:
-        """Arm at rest in `posture` with `tool` (4, 4) in the flange's frame."""
+        """Place the arm at rest in `posture`, with the tool's pose `tool` (4, 4) in the
+        flange's frame.
+        """
         self._tool = tool
         self._sag = sag
         self._lag_gain = lag_gain(lag)
@@ -162,8 +173,8 @@ class LaggingArm:
             self.posture = Posture.resting(posture.q - sag(posture), tool)
 
     def tick(self, commanded: Array) -> None:
-        """Advance the arm by one tick, in which the joints `commanded` (7,) [rad] are
-        sent.
+        """Advance the arm by one tick of 1 ms, in which the joints `commanded` (7,)
+        [rad] are sent.
         """
         delayed = self._delayed
         delayed.append(commanded)
@@ -183,14 +194,14 @@ class LaggingArm:
             self.posture = self._step(self.posture, q - self._sag(self._motors))
 
     def _step(self, before: Posture, q: Array) -> Posture:
-        """Posture with joints `q` (7,) [rad], one tick after `before`."""
+        """Posture at joints `q` (7,) [rad], one tick of 1 ms after `before`."""
         rates = before.joints.step((q - before.q) / TICK)
         return Posture.at_joints(q, self._tool, rates)
 
 
 def _tilt(gravity: float, x: float, y: float) -> Array:
-    """Vertical `gravity` as (3,) [m/s^2] in a base that leans by `x`, then `y` [rad]
-    about x, y.
+    """Components (3,) [m/s^2] of the vertical acceleration `gravity` in a base that
+    leans by `x` about x, then by `y` [rad] about y.
     """
     upright = gravity * np.cos(x)
     return np.array([upright * np.sin(y), -gravity * np.sin(x), upright * np.cos(y)])

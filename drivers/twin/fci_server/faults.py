@@ -154,14 +154,16 @@ class FaultScript(VersionedFile):
 
 
 def load_faults(path: Path) -> tuple[Fault, ...]:
-    """Read the fault script at `path`, earliest fault first; ConfigurationError if
-    invalid.
+    """Read the faults in the script at `path`, earliest first; raises
+    ConfigurationError where the script is invalid.
     """
     return tuple(sorted(load(path, FaultScript).faults, key=lambda fault: fault.at))
 
 
 def lost_commands(share: float, seed: int) -> Iterator[bool]:
-    """Yield for each command whether it is lost, a `share` of them, endlessly."""
+    """Yield endlessly for one command after the other whether it is lost, as a random
+    fraction `share` of them is.
+    """
     rng = np.random.default_rng(seed)
     while True:
         yield bool(rng.random() < share)
@@ -171,7 +173,8 @@ Pause = Callable[[float], None]  # returns after a time [s]
 
 
 class Disturbance:
-    """Faults of a script that are still to come, and end times of faults in effect.
+    """Faults of a script that are still to strike the emulated robot, and the end times
+    of those in effect.
 
     They strike `robot`, or the connection to its client at `port`; `freeze` pauses both
     for some time [s].
@@ -192,7 +195,9 @@ class Disturbance:
         self._release = inf
 
     def add(self, fault: Fault) -> None:
-        """Schedule another fault, which is due at once where its tick has passed."""
+        """Schedule another `fault`, which strikes at once if the robot has already
+        executed the number of commands it waits for.
+        """
         self._waiting = sorted([*self._waiting, fault], key=lambda waiting: waiting.at)
 
     def strike(self) -> None:

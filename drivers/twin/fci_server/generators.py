@@ -28,8 +28,8 @@ Follow = Callable[[Posture, RobotCommand, Array], Posture]
 def follow(
     generator: Generator, old: Posture, command: RobotCommand, tool: Array, first: bool
 ) -> Posture:
-    """Posture one tick after `old` by a motion `command`, with `tool` (4, 4) in the
-    flange's frame.
+    """Posture of the arm one tick of 1 ms after `old` as it follows `command`, with the
+    tool's pose `tool` (4, 4) in the flange's frame.
 
     `first` marks the first command of a motion, whose pose must be the arm's own.
     Raises Violation where the command breaks a limit of the robot.
@@ -50,16 +50,16 @@ def follow(
 
 
 def readable(generator: Generator, command: RobotCommand) -> bool:
-    """Whether the numbers of `command` that `generator` reads are finite and not
-    absurdly large.
+    """Whether the numbers of `command` that the motion `generator` uses are finite and
+    not absurdly large.
     """
     fits = usable(_READ[generator](command))
     return fits and (command.elbow is None or usable(command.elbow))
 
 
 def extrapolate(old: Posture, message_id: int) -> RobotCommand:
-    """Command that continues the motion of `old` at constant acceleration, where none
-    arrived.
+    """Command that continues the motion of `old` at constant acceleration, for a tick
+    of 1 ms in which no command arrives.
 
     Source: the client library's `rate_limiting.h` on lost packets.
     """
@@ -85,8 +85,8 @@ def _joint_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture
 
 
 def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
-    """Posture a tick after `old` at joints `q` (7,) [rad]; Violation of a joint's
-    limit.
+    """Posture one tick of 1 ms after `old` at joints `q` (7,) [rad]; raises Violation
+    where a joint breaks a limit.
     """
     rates = old.joints.step(velocity)
     check_joints(old.joints, rates, JOINT)
@@ -114,8 +114,8 @@ def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Pos
 def _cartesian(
     old: Posture, command: RobotCommand, pose: Array, twist: Array, tool: Array
 ) -> Posture:
-    """Posture a tick after `old` at tool `pose` (4, 4), `twist` (6,); Violation of a
-    limit.
+    """Posture one tick of 1 ms after `old`, at tool `pose` (4, 4) and `twist` (6,)
+    [m/s, rad/s]; raises Violation where a limit is broken.
     """
     rates = old.tool.step(twist)
     check_tool_rates(old.tool, rates)
@@ -134,7 +134,9 @@ def _cartesian(
 
 
 def _elbow(old: Posture, command: RobotCommand) -> float:
-    """Elbow angle [rad] that `command` states, or that of `old` if it states none."""
+    """Elbow angle [rad] that `command` states, or that of `old` where it states none;
+    raises Violation if the elbow would flip.
+    """
     if command.elbow is None:
         return old.elbow
     angle, sign = command.elbow
@@ -144,7 +146,9 @@ def _elbow(old: Posture, command: RobotCommand) -> float:
 
 
 def _advance_pose(pose: Array, twist: Array) -> Array:
-    """Pose (4, 4) one tick after `pose` (4, 4) with `twist` (6,) [m/s, rad/s]."""
+    """Pose (4, 4) to which `twist` (6,) [m/s, rad/s] takes `pose` (4, 4) in one tick of
+    1 ms.
+    """
     advanced = np.array(pose)
     advanced[:3, 3] += TICK * twist[:3]
     advanced[:3, :3] = rotation(TICK * twist[3:]) @ pose[:3, :3]

@@ -18,8 +18,8 @@ HandRequest = ClientRequest[HandCommand]
 
 @dataclass(slots=True)
 class FingerMotion:
-    """Motion of the fingers by a request: `widths` [m] still to reach in turn, `speed`
-    [m/s].
+    """Motion of the emulated hand's fingers at `request`: the `widths` [m] still to
+    reach in turn, at `speed` [m/s].
     """
 
     request: HandRequest
@@ -54,7 +54,9 @@ class EmulatedHand:
         return self._motion is not None
 
     def state(self, time: int) -> bytes:
-        """Datagram of the hand's state at robot `time` [ms]."""
+        """Bytes of the datagram with the hand's state at `time` [ms] of the robot's
+        clock.
+        """
         widths = (self.width, WIDEST) if self.is_homed else (0.0, 0.0)
         return STATE_PACKET.pack(
             time & 0xFFFFFFFF, *widths, self.is_grasped, TEMPERATURE
@@ -150,7 +152,9 @@ class EmulatedHand:
 
 
 def _finger_motion(request: HandRequest) -> FingerMotion:
-    """Motion of the fingers that `request`, HOMING, GRASP or MOVE, starts."""
+    """Motion of the fingers that `request` starts, which asks for homing, a grasp or a
+    move to a width.
+    """
     if request.command is HandCommand.HOMING:
         return FingerMotion(request, [0.0, WIDEST], FASTEST_FINGER)
     if request.command is HandCommand.GRASP:
@@ -160,7 +164,9 @@ def _finger_motion(request: HandRequest) -> FingerMotion:
 
 
 def _valid(request: HandRequest) -> bool:
-    """Whether `request` is a motion whose numbers the hand accepts."""
+    """Whether `request` asks for a motion of the fingers, with numbers that the hand
+    accepts.
+    """
     values: tuple[float, ...] = request.values
     if not all(map(isfinite, values)):
         return False

@@ -34,8 +34,8 @@ class Violation(Exception):
 
 @dataclass(frozen=True, slots=True)
 class JointReflexes:
-    """Errors that the robot reports for a joint beyond its limits, by the limit's
-    kind.
+    """Errors that the robot reports where a joint breaks its limit of position,
+    velocity, acceleration or jerk.
     """
 
     position: Reflex
@@ -65,8 +65,8 @@ TOOL_REFLEXES = (
 
 
 class BodyCheck:
-    """Collision check of the arm with itself and solids, skipped while little has
-    moved.
+    """Check of the arm for collisions with itself and with solids, skipped while the
+    joints have moved too little for one.
     """
 
     def __init__(self, solids: Solids | None = None) -> None:
@@ -103,7 +103,9 @@ class BodyCheck:
 
 
 def check_joints(old: Rates, new: Rates, reflexes: JointReflexes) -> None:
-    """Raise Violation for joints whose rates break a limit, one tick after `old`."""
+    """Raise Violation where the joints' rates `new`, one tick of 1 ms after `old`,
+    break a limit; `reflexes` are the errors for it.
+    """
     if _beyond(new.velocity, _JOINT_VELOCITY):
         raise Violation(reflexes.velocity)
     if _beyond(new.acceleration, _JOINT_ACCELERATION):
@@ -115,8 +117,8 @@ def check_joints(old: Rates, new: Rates, reflexes: JointReflexes) -> None:
 def check_ends(
     q: Array, velocity: Array, reflexes: JointReflexes, joints: limits.JointLimits
 ) -> None:
-    """Raise Violation for joints `q` (7,) [rad] beyond an end, or too fast to brake
-    before one.
+    """Raise Violation for joints at `q` (7,) [rad] beyond an end of their range, or at
+    `velocity` (7,) [rad/s] too fast to brake before it.
     """
     if joints.margins(q).min() < 0:
         raise Violation(reflexes.position)
@@ -126,8 +128,8 @@ def check_ends(
 
 
 def check_tool_position(pose: Array) -> None:
-    """Raise Violation for a tool pose (4, 4) in the base outside of TOOL_LOW to
-    TOOL_HIGH.
+    """Raise Violation for a tool pose (4, 4) in the base's frame that is outside of the
+    box from TOOL_LOW to TOOL_HIGH [m].
     """
     position = pose[:3, 3]
     if np.minimum(position - TOOL_LOW, TOOL_HIGH - position).min() < 0:
@@ -135,8 +137,8 @@ def check_tool_position(pose: Array) -> None:
 
 
 def check_tool_rates(old: Rates, new: Rates) -> None:
-    """Raise Violation for a tool too fast, `new` (6,) being its rates one tick after
-    `old` (6,).
+    """Raise Violation where the tool's rates `new` (6,), one tick of 1 ms after `old`
+    (6,), break a limit.
 
     Velocity, acceleration and jerk are checked in turn: the norms of translation (first
     three) and rotation, each with 1 % of tolerance. The Violation carries the reflex of
@@ -158,8 +160,8 @@ def check_tool_rates(old: Rates, new: Rates) -> None:
 
 
 def check_swing(old: Array, new: Array) -> None:
-    """Raise Violation where the elbow's angle, rate and acceleration (3,) break a rate
-    limit.
+    """Raise Violation where the elbow's rate, acceleration or jerk breaks a limit;
+    `old` and `new` (3,) are its angle, rate and acceleration [rad, s].
     """
     rates = (*new[1:].tolist(), float(new[2] - old[2]) / TICK)
     if any(abs(rate) > limit for rate, limit in zip(rates, _ELBOW, strict=True)):
@@ -181,7 +183,7 @@ def _beyond(values: Array, limits: tuple[float, ...]) -> bool:
 
 
 def _with_tolerance(limit: Array, time: float = 1.0) -> tuple[float, ...]:
-    """Limits (n,) per tick: published `limit` times `time` [s] and the tolerance
+    """Published limits `limit` of the axes times `time` [s], widened by the factor
     LIMIT_FACTOR.
     """
     return tuple((LIMIT_FACTOR * time * limit).tolist())

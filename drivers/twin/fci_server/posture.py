@@ -14,16 +14,16 @@ from drivers.franka.kinematics import ELBOW_FLIP, pose_and_jacobian
 
 @dataclass(slots=True)
 class Rates:
-    """Commanded velocity and acceleration of the joints (7,) or of the tool (6,), [m,
-    rad, s].
+    """Commanded velocity and acceleration of the seven joints [rad, s] or of the tool's
+    six axes [m, rad, s].
     """
 
     velocity: Array
     acceleration: Array
 
     def step(self, velocity: Array) -> "Rates":
-        """Rates one tick later with a new `velocity` (7,) or (6,), and the acceleration
-        to it.
+        """Rates one tick of 1 ms later, with the new `velocity` (7,) or (6,) and the
+        acceleration that leads to it.
         """
         return Rates(velocity, (velocity - self.velocity) / TICK)
 
@@ -35,7 +35,8 @@ def zero_rates(axes: int) -> Rates:
 
 @dataclass(frozen=True, slots=True)
 class Posture:
-    """Joints, tool pose and commanded motion of the emulated arm at one tick.
+    """Joints, tool pose and commanded motion of the emulated arm in one
+    tick of 1 ms.
 
     At `q` (7,) [rad] with rates `joints` the tool is at `reached` (4, 4), with
     `jacobian` (6, 7). Commanded are the tool's `pose` (4, 4) with rates `tool` (6,),
@@ -53,8 +54,8 @@ class Posture:
 
     @classmethod
     def at_joints(cls, q: Array, tool: Array, joints: Rates) -> Self:
-        """Posture at joints `q` (7,) [rad], with the tool (4, 4) commanded to rest at
-        its pose.
+        """Posture at joints `q` (7,) [rad] with the rates `joints`; the tool, at `tool`
+        (4, 4) in the flange's frame, is commanded to rest where it is.
         """
         reached, jacobian = pose_and_jacobian(q, tool)
         swing = np.array([q[ELBOW_JOINT], 0.0, 0.0])
@@ -71,7 +72,7 @@ class Posture:
 
     @property
     def elbow(self) -> float:
-        """Commanded angle of the elbow, joint 3 [rad]."""
+        """Commanded angle [rad] of the elbow, which is that of joint 3."""
         return float(self.swing[0])
 
     @property
@@ -85,30 +86,30 @@ class Posture:
         return not self.joints.velocity.any()
 
     def swing_to(self, elbow: float) -> Array:
-        """Elbow angle, rate and acceleration (3,) [rad, s] for angle `elbow` [rad] a
-        tick later.
+        """Angle, rate and acceleration (3,) [rad, s] of an elbow that is at the angle
+        `elbow` [rad] one tick of 1 ms later.
         """
         angle, rate, _ = self.swing.tolist()
         speed = (elbow - angle) / TICK
         return np.array([elbow, speed, (speed - rate) / TICK])
 
     def with_command(self, pose: Array, rates: Rates, swing: Array) -> Self:
-        """Copy with another commanded tool `pose` (4, 4), its `rates`, and elbow
-        `swing` (3,).
+        """Copy of the posture with another commanded tool `pose` (4, 4), its `rates`,
+        and the elbow's angle, rate and acceleration `swing` (3,) [rad, s].
         """
         return replace(self, pose=pose, tool=rates, swing=swing)
 
     def move_on(self, q: Array, tool: Array, joints: Rates) -> Self:
-        """Posture a tick later at joints `q` (7,) [rad]; the tool (4, 4) is commanded
-        to follow.
+        """Posture one tick of 1 ms later at joints `q` (7,) [rad]; the tool, at `tool`
+        (4, 4) in the flange's frame, is commanded to follow.
         """
         new = self.at_joints(q, tool, joints)
         rates = self.tool.step(twist_of(self.pose, new.reached))
         return new.with_command(new.reached, rates, self.swing_to(q[ELBOW_JOINT]))
 
     def brake(self, tool: Array) -> Self:
-        """Posture after one tick of the hardest braking in which all joints stop
-        together.
+        """Posture one tick of 1 ms later, after the hardest braking in which all joints
+        stop together.
         """
         # s to rest
         time_left = float((np.abs(self.joints.velocity) / limits.ACCELERATION).max())
@@ -119,7 +120,7 @@ class Posture:
 
 
 def twist_of(old: Array, new: Array) -> Array:
-    """Twist (6,) [m/s, rad/s] in the base that takes pose `old` (4, 4) to `new` in one
-    tick.
+    """Twist (6,) [m/s, rad/s] in the base's frame that takes pose `old` (4, 4) to pose
+    `new` (4, 4) in one tick of 1 ms.
     """
     return twist_between(old, new) / TICK

@@ -1,5 +1,5 @@
-"""Emulated robot: modes, one motion at a time, reflexes, stops, recovery; no sockets,
-no time.
+"""Emulated robot without sockets or clock: its modes, one motion at a time, reflexes,
+stops and recovery.
 
 It is stepped in control periods of 1 ms. Its caller requests motions and settings, and
 collects the replies that are due only at the end of a motion.
@@ -52,8 +52,8 @@ STEADY_ACCELERATION = 1e-3  # rad/s^2 and m/s^2, below which a motion counts as 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Estimated external wrench (6,) [N, N m] on the tool in the base; its joint
-    torques (7,).
+    """Estimated external `wrench` (6,) [N, N m] on the tool in the base's frame, and
+    the joint torques (7,) [N m] it causes.
 
     Flags are 1 where a threshold is exceeded: first row for contact, second row for
     collision.
@@ -110,7 +110,9 @@ Push = Callable[[Array, float], Array]
 
 @dataclass(slots=True)
 class ActiveMotion:
-    """Motion in progress of the emulated robot; its last reply carries `command_id`."""
+    """Motion that the emulated robot executes; the reply at its end answers the request
+    `command_id`.
+    """
 
     command_id: int
     generator: Generator
@@ -131,8 +133,8 @@ class LateReply:
 
 @dataclass(slots=True)
 class EmulatedRobot:
-    """Emulated robot; `ticks` counts the commands that it has executed, `time` is in
-    [ms].
+    """Emulated robot, advanced in ticks of 1 ms; `time` [ms] counts these, and `ticks`
+    the commands that it has executed.
     """
 
     posture: Posture
@@ -160,7 +162,9 @@ class EmulatedRobot:
 
     @property
     def moving(self) -> bool:
-        """Whether a motion accepts commands; False while the arm brakes."""
+        """Whether a motion is in progress that accepts commands; False while the arm
+        brakes.
+        """
         return self.motion is not None and not self.motion.stopping
 
     @property
@@ -171,8 +175,8 @@ class EmulatedRobot:
         return self.posture if self.trailing is None else self.trailing.posture
 
     def move(self, request: MoveRequest, command_id: int) -> MoveStatus:
-        """Start the requested motion; returns MOTION_STARTED or the reason for a
-        refusal.
+        """Start the motion in `request`; returns MOTION_STARTED, or the status that
+        says why it is refused.
         """
         if (
             self.mode is not RobotMode.IDLE
@@ -224,8 +228,8 @@ class EmulatedRobot:
         return status
 
     def recover(self, command_id: int) -> Status | None:
-        """Recover from a reflex once the arm is at rest, when the reply is due: returns
-        None.
+        """Recover from a reflex once the arm is at rest; returns None, as the reply to
+        request `command_id` follows only then.
 
         Returns NOT_POSSIBLE in motion or while the user stop is pressed.
         """
@@ -265,7 +269,9 @@ class EmulatedRobot:
         self.waiting.clear()
 
     def receive(self, command: RobotCommand) -> bool:
-        """Execute `command` unless the network loses it; whether it has arrived."""
+        """Execute `command` unless the emulated network loses it; returns whether it
+        has arrived.
+        """
         lost = next(self.losses)
         if lost:
             self.miss()
@@ -316,8 +322,8 @@ class EmulatedRobot:
             self._send_late_replies()
 
     def miss(self) -> None:
-        """Extrapolate the motion in a tick without a command, or hold; a reflex after
-        MOST_MISSED_TICKS.
+        """Pass a tick of 1 ms without a command: extrapolate or hold the motion, or
+        stop by a reflex after MOST_MISSED_TICKS.
 
         A robot that holds goes on with the next command at the rates it had.
         """
@@ -332,15 +338,17 @@ class EmulatedRobot:
             self.reflex(Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION)
 
     def advance(self) -> None:
-        """Advance the robot's time by a tick, and an arm that lags its setpoint."""
+        """Advance the robot's time by 1 ms, and with it an arm that lags behind its
+        commands.
+        """
         self.time += 1
         if self.trailing is not None:
             self.trailing.tick(self.posture.q)
         self.reported.tick(self.posture.joints, self.measured.joints)
 
     def rest(self) -> None:
-        """Pass one tick without a motion: brake a moving arm, end and reply once it is
-        at rest.
+        """Pass a tick of 1 ms without a command: brake an arm that shall stop, and let
+        pending replies go once it is at rest.
         """
         if not self.moving:
             self._brake()
@@ -355,8 +363,8 @@ class EmulatedRobot:
             self.posture = self.posture.brake(self.configuration.tool)
 
     def _check_contact(self) -> None:
-        """Estimate the contact by all forces on the tool; stop by reflex beyond a
-        threshold.
+        """Estimate the contact from all forces on the tool, and stop by a reflex where
+        it exceeds a threshold.
         """
         force = self.pushed
         if self.push is not None:

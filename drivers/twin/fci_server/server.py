@@ -88,7 +88,7 @@ class PeriodTimer:
 
 
 class RobotServer:
-    """Server of an emulated robot, whose arm and hand serve one client each at
+    """Server of an emulated robot, whose arm and hand each serve one client at
     `address`.
 
     `start` (7,) [rad] are the initial joints, `solids` obstacles of the arm, `push` the
@@ -165,7 +165,9 @@ class RobotServer:
         self.close()
 
     def inject(self, fault: Fault) -> None:
-        """Schedule one more fault at its tick, or now where that has passed."""
+        """Schedule one more `fault`, which strikes at once if the number of commands it
+        waits for has passed.
+        """
         self._disturbance.add(fault)
         self._bell.send(b"!")
 
@@ -178,8 +180,8 @@ class RobotServer:
             self._disconnect()
 
     def _bind(self, address: str | None) -> tuple[ArmPort, HandPort]:
-        """Open both ports at `address`, or at the first loopback address where they are
-        free.
+        """Open the ports of arm and hand at `address`, or, where it is None, at the
+        first loopback address where both are free.
 
         Raises ConfigurationError where they are in use.
         """
@@ -197,8 +199,8 @@ class RobotServer:
         )
 
     def _open(self, address: str) -> tuple[ArmPort, HandPort]:
-        """Ports of arm and hand at `address`, both or none; OSError where one is in
-        use.
+        """Ports of arm and hand at `address`, opened both or not at all; raises OSError
+        where one is in use.
         """
         arm = ArmPort(address, self._poll, self.robot)
         try:
@@ -286,8 +288,8 @@ class RobotServer:
             self._pace.begin_next()
 
     def _next_command(self) -> RobotCommand | None:
-        """Next command for this tick of a motion, in lock-step for any; late ones are
-        skipped.
+        """Next command of the client for this tick of a motion; late ones are skipped
+        except in lock-step, and None means that none has arrived.
         """
         for _ in range(MOST_LATE):
             command = self._arm.command()
@@ -340,8 +342,8 @@ class RobotServer:
         self._pace.restart()
 
     def _poll_sockets(self, seconds: float | None) -> set[int]:
-        """Wait for `seconds` at most, then serve TCP; returns the readable file
-        descriptors.
+        """Wait for data at the sockets, `seconds` at most unless None, and serve those
+        of TCP; returns all readable file descriptors.
 
         The hand is served before the arm, so that a command for it counts from the same
         tick.

@@ -79,8 +79,8 @@ TURNED = 5e-3
 
 
 class Publisher:
-    """Serialiser of the emulated robot's state; gravity's torques are kept while joints
-    rest.
+    """Writer of the emulated robot's state as a datagram; it keeps the torques of
+    gravity while the joints rest.
     """
 
     def __init__(self) -> None:
@@ -97,13 +97,13 @@ class Publisher:
         self._gravity_q = np.full(7, np.inf)
 
     def _put(self, **values: ArrayLike) -> None:
-        """Write `values` into the state's fields of their names."""
+        """Write each of `values` into the field of the state that has its name."""
         for name, value in values.items():
             self.fields[name][:] = value
 
     def datagram(self, robot: EmulatedRobot, rate: float = 0.0) -> bytes:
-        """Datagram of `robot` after its last tick; `rate` is the fraction of commands
-        in time.
+        """Bytes of the state of `robot` after its last tick of 1 ms; `rate` is the
+        fraction of commands that arrived in time.
         """
         self._put_configuration(robot.configuration)
         self._put_modes(robot)
@@ -143,7 +143,9 @@ class Publisher:
         )
 
     def _put_posture(self, robot: EmulatedRobot) -> None:
-        """Write setpoints and measured joints of the robot into the packet."""
+        """Write the commanded and the measured joints and poses of `robot` into the
+        state's fields.
+        """
         posture = robot.posture
         arm = robot.measured
         pose = posture.pose
@@ -175,8 +177,8 @@ class Publisher:
         )
 
     def _torques(self, robot: EmulatedRobot) -> Array:
-        """Joint torques (7,) [N m] without contact: of the plant, or else of gravity
-        alone.
+        """Joint torques (7,) [N m] of `robot` without contact: those of its `dynamics`,
+        or else of gravity alone.
         """
         if robot.dynamics is not None:
             return robot.dynamics.reading(robot.measured, robot.ticks)
@@ -187,7 +189,9 @@ class Publisher:
         return self._gravity
 
     def _model_of(self, tool: Configuration) -> ArmModel:
-        """Model of the arm with hand and load as `tool` states them."""
+        """Model of the arm that carries the hand and the load of the configuration
+        `tool`.
+        """
         if self._modelled is not tool:
             mass = tool.hand_mass + tool.load_mass
             moment = (
@@ -229,5 +233,5 @@ class Publisher:
 
 
 def _columns(matrix: Array) -> Array:
-    """Numbers (n * n,) of a `matrix` (n, n) in column-major order."""
+    """Numbers of a square `matrix` as a flat array in column-major order."""
     return matrix.T.ravel()

@@ -185,7 +185,7 @@ class Framing(Generic[K]):
     status: Struct
 
     def take(self, buffer: bytearray) -> ClientRequest[K] | None:
-        """Remove the first complete request from `buffer` and return it; None if
+        """Remove the first request from `buffer` and return it; None while it is
         incomplete.
 
         Raises Malformed for an unknown command or a wrong size.
@@ -279,8 +279,8 @@ class RobotCommand:
 
 
 def usable(numbers: Array | tuple[float, ...]) -> bool:
-    """Whether `numbers`, of any shape, are finite and at most LARGEST_NUMBER in
-    size.
+    """Whether all of `numbers`, in any shape, are finite and below LARGEST_NUMBER in
+    absolute value.
     """
     return bool(np.abs(numbers).max() < LARGEST_NUMBER)
 

@@ -30,8 +30,8 @@ DISC_LEVELS = np.array([236.0, 240.0, 240.0])
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """Prism of the hand: convex `corners` (m, 2) of x, z [m], from `front` to `back` in
-    y [m].
+    """Prism that is a part of the drawn hand: convex `corners` (m, 2) of x, z [m], from
+    `front` to `back` in y [m].
     """
 
     corners: Array
@@ -41,8 +41,8 @@ class Outline:
 
 
 def outlines(scene: WorldState, middle: float, floor: float) -> list[Outline]:
-    """Prisms of wrist, hand, fingers in drawing order, about y = `middle` and above
-    `floor` [m].
+    """Prisms of wrist, palm and fingers in drawing order, centred at y = `middle` [m]
+    and cut off below z = `floor` [m].
     """
     width = 0.0 if scene.pointer else scene.finger_width
     parts = (
@@ -67,7 +67,9 @@ def outlines(scene: WorldState, middle: float, floor: float) -> list[Outline]:
 
 
 def faces_of(parts: Sequence[Outline], optics: Optics) -> list[tuple[Array, Array]]:
-    """Corners (m, 2) [px] of the front and the back face of each prism in `parts`."""
+    """Corners [px] of the front and of the back face of each prism in `parts`, one row
+    (u, v) per corner.
+    """
     return [
         (optics.plane(part.corners, part.front), optics.plane(part.corners, part.back))
         for part in parts
@@ -96,8 +98,8 @@ def draw_hand(
 def draw_pointer(
     image: Image, scene: WorldState, optics: Optics, colour: Array
 ) -> None:
-    """Draw the pin, a dark plate with a bright disc at the grip point, into `image` (h,
-    w, 3).
+    """Draw the calibration pin into `image` (height, width, 3): a dark plate with a
+    bright disc at the point between the fingers.
     """
     centre = np.array([scene.gripper.x, scene.gripper.z])
     _disc(image, centre, radius=PLATE, optics=optics, colour=colour * 0.5)
@@ -107,8 +109,8 @@ def draw_pointer(
 def _disc(
     image: Image, centre: Array, radius: float, optics: Optics, colour: Array
 ) -> None:
-    """Draw a disc of `radius` [m] in the plane y = 0, in place, with an antialiased
-    border.
+    """Draw a disc of `radius` [m] about `centre` (x, z) [m] in the plane y = 0 into
+    `image`, with an antialiased border.
     """
     middle, beside, above = optics.plane(
         centre + radius * np.array([(0, 0), (1, 0), (0, 1)])
@@ -133,7 +135,9 @@ def _disc(
 def extent(
     faces: Sequence[tuple[Array, Array]], scene: WorldState, optics: Optics
 ) -> Array:
-    """Points (k, 2) [px] that bound the hand's `faces` and the pin that it holds."""
+    """Pixels, one row (u, v) each, that bound the hand's `faces` and the calibration
+    pin where the hand holds it.
+    """
     bounds = [np.empty((0, 2))]
     for near, far in faces:
         bounds += [near, far]
@@ -145,8 +149,8 @@ def extent(
 
 
 def _clip_above(outline: Array, floor: float) -> Array:
-    """Part (m, 2) of a convex `outline` (n, 2) of x, z [m] that lies above `floor`
-    [m].
+    """Part of a convex `outline`, rows of x and z [m], that lies above z =
+    `floor` [m].
     """
     if (outline[:, 1] >= floor).all():
         return outline

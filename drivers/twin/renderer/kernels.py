@@ -16,8 +16,8 @@ PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)
 
 
 class MaterialRows(NamedTuple):
-    """Rows of material points, one across a strip's surface at each of m samples of its
-    curve.
+    """Rows of points that lie across a strip's surface, one row at each of m samples of
+    its midline.
 
     The `counts` (m,) points of a row lie evenly from `start` (m, 2) [px] on over
     `across` (m, 2), at arc length `s` (m,) [m]; each has an `area` (m,) [px^2] and the
@@ -38,8 +38,8 @@ class MaterialRows(NamedTuple):
 def sample_surface(
     rows: MaterialRows, weave: Array, grid: tuple[float, float]
 ) -> Array:
-    """Material points (6, n): u and v [px], area [px^2], brightness, arc length and
-    depth [m].
+    """Points (6, n) of a strip's surface: u and v [px], area [px^2], brightness, arc
+    length and depth [m].
 
     Their brightness is that of their row times the `weave`, whose rows and columns are
     powers of two. `grid` is the number of those per metre, and the width [m] that
@@ -78,7 +78,7 @@ def sample_surface(
 
 
 class Sums(NamedTuple):
-    """Sums over the material in pixels of a window, for the pixels that any material
+    """Sums over the strip's material in each pixel of a window that any material
     reaches.
 
     `values` (n, channels) are coverage, brightness and tints times brightness, numbered
@@ -96,8 +96,8 @@ NO_SUM = 0
 
 @kernel
 def _share(area: float, a: float, b: float, corner: tuple[int, int]) -> float:
-    """Bilinear share of `area` in a `corner` of 2 x 2 pixels, by fractions `a` right,
-    `b` down.
+    """Part of a point's `area` that falls to one `corner` (row, column) of 2 x 2
+    pixels, as it lies at the fractions `a` right and `b` down.
     """
     share = area * a
     if corner[1] == 0:
@@ -114,8 +114,8 @@ def _gather(
     origin: tuple[int, int],
     corner: tuple[int, int],
 ) -> int:
-    """Add to `sums` each point's share in one `corner` of the 2 x 2 pixels around the
-    point.
+    """Add to `sums` the part of each point that falls to one `corner` (row, column) of
+    the 2 x 2 pixels around it.
 
     `points` (4, n) are u, v [px], area and brightness, `tint` (n, c) their colours; the
     first pixel of the window is `origin` (u, v). `count` pixels have a sum so far;
@@ -150,8 +150,8 @@ def _gather(
 
 @kernel
 def _blend(pixel: Image, sums: Array, colour: Array, light: float) -> None:
-    """Blend material with `sums` of coverage, brightness and tints into a `pixel` (3,)
-    BGR.
+    """Blend material with its `sums` of coverage, brightness and tints into a `pixel`
+    (3,) in BGR; `colour` counts where there are no tints.
     """
     coverage = sums[0]
     glow = sums[1]
@@ -174,8 +174,8 @@ def splat(
     light: NDArray[np.float32],
     origin: tuple[int, int],
 ) -> None:
-    """Draw material `points` (6, n) over `image`, a window of the frame from `origin`
-    (u, v) on.
+    """Draw `points` (6, n) of the strip's surface over `image`, a window whose first
+    pixel in the frame is `origin` (u, v).
 
     A point spreads its area bilinearly over the four nearest pixels, which preserves
     its first moment; the sum in a pixel is its coverage. The ink is `colour` (3,) BGR,

@@ -44,8 +44,8 @@ class ShadowBand:
     weight: NDArray[np.float32]
 
     def cast(self, image: Image, origin: tuple[int, int], profile: Array) -> None:
-        """Darken the desk in `image`, whose first pixel is `origin` (u, v), in
-        place.
+        """Darken the desk in `image`, whose first pixel in the frame is `origin` (u,
+        v), by the shadow `profile` along x, in place.
         """
         top = self.top
         u, v = origin
@@ -82,8 +82,8 @@ def shadow_band(
 def _band_rows(
     settings: CameraSettings, optics: Optics, width: float, floor: float
 ) -> tuple[int, int]:
-    """First and last row (exclusive) of the shadow of a strip of `width` [m] on the
-    `floor` [m].
+    """First and last row (exclusive) of the image in which a strip of `width` [m] casts
+    its shadow on the desk at z = `floor` [m].
     """
     x = np.linspace(*TABLE_RANGE, 15)
     line = np.column_stack([x, np.full(len(x), floor)])
@@ -97,7 +97,9 @@ def _band_rows(
 
 
 def _bins(x: NDArray[np.floating]) -> NDArray[np.int32]:
-    """Numbers (...,) of the table's bins at `x` (...,) [m], its last ones beyond it."""
+    """Indices of the bins of the shadow's table at `x` [m], in the same shape; beyond
+    the table those of its end bins.
+    """
     low, high = TABLE_RANGE
     bins = (x - low) / (high - low) * BINS
     numbers: NDArray[np.int32] = np.clip(bins, 0, BINS - 1).astype(np.int32)
@@ -105,8 +107,8 @@ def _bins(x: NDArray[np.floating]) -> NDArray[np.int32]:
 
 
 def shadow_profile(curve: ExposedMidline) -> Array:
-    """Darkness (BINS,) of the strip's shadow along x, 0 to 1: the darker, the lower it
-    hangs.
+    """Darkness of the strip's shadow, 0 to 1, in each of BINS bins along x: the lower
+    the strip hangs, the darker.
     """
     x, z = curve.points.T
     darkness = np.zeros(BINS)
@@ -123,7 +125,8 @@ def scale_brightness(image: Image, gain: Gain) -> Image:
 
 
 def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
-    """Brightness (height, 1) of the rows of a frame that is exposed about `stamp` [s].
+    """Brightness factor (height, 1) of each row of a frame exposed about `stamp` [s]
+    under the flickering `light`.
 
     The lamp's power falls to zero twice a mains period; the average over an `exposure`
     [s] follows the sinc of its fraction of that period.
@@ -142,8 +145,8 @@ def arm_shadow(
     size: tuple[int, int],
     floor: float,
 ) -> Gain:
-    """Brightness (height, width) of a frame under the shadow of the arm on wall and
-    desk.
+    """Brightness factor (height, width) of each pixel of a frame under the arm's shadow
+    on wall and desk.
 
     `size` is (width, height). The desk is at z = `floor` [m]. Objects between desk and
     wall are shaded like the wall.
@@ -184,7 +187,7 @@ def _cast_on_wall(points: Array, lamp: Lamp) -> Array:
 
 
 def _cast_on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
-    """Shadows (m, 3) [m] on the desk of those `points` (n, 3) [m] that are below the
+    """Shadows (m, 3) [m] on the desk of those of `points` (n, 3) [m] that are below the
     lamp.
     """
     source = np.array(lamp.position)

@@ -55,8 +55,8 @@ class Lamp:
 
 @dataclass(frozen=True, slots=True)
 class Flicker:
-    """Flickering light: it dims by the share `depth` twice per period of the `mains`
-    [Hz].
+    """Flickering light, which dims by the fraction `depth` twice per period of the
+    `mains` [Hz].
 
     A rolling shutter reads the image from top to bottom in `readout` [s].
     """
@@ -68,8 +68,8 @@ class Flicker:
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """Pattern of a strip: `printed` colours that alternate with the strip's every
-    `pitch` [m].
+    """Pattern printed on a strip: the colours `printed` alternate with the strip's own
+    every `pitch` [m].
 
     `across` alternates along the strip's length, `along` over its width, `checks` in
     both. `brightness` scales that of the strip's colour.
@@ -86,8 +86,8 @@ class Pattern:
         return not self.printed and self.brightness == 1.0
 
     def colours(self, stated: Colour) -> Array:
-        """BGR colours (k, 3) of the pattern; the strip's sRGB colour `stated` comes
-        first.
+        """BGR colours of the pattern, one row (3,) each; first the strip's own colour,
+        `stated` in sRGB.
         """
         plain_colour = np.array(stated, dtype=np.float64) * self.brightness
         return np.array([plain_colour, *self.printed], dtype=np.float64)[:, ::-1]
@@ -132,8 +132,8 @@ class StripLook:
         return cls(strip.colour, strip.thickness, strip.width, pattern)
 
     def tint(self, s: Array, y: Array) -> Array | None:
-        """BGR colours (n, 3) at arc lengths `s`, depths `y` (n,) [m]; None for a single
-        colour.
+        """BGR colours (n, 3) of points at arc lengths `s` and depths `y` (n,) [m]; None
+        for a strip of a single colour.
         """
         pattern = self.pattern
         if pattern.plain:
@@ -209,8 +209,8 @@ LOOKS: Mapping[str, Look] = {
 
 
 def check_look(name: str) -> str:
-    """Return `name` if it is that of a look; raises ValueError with all names
-    otherwise.
+    """Return `name` if it names a look of the simulated cell; raises ValueError with
+    all allowed names otherwise.
     """
     if name not in LOOKS:
         raise ValueError(f"there is no look {name!r}; allowed: {', '.join(LOOKS)}")

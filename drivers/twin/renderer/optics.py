@@ -123,8 +123,8 @@ class Optics(NamedTuple):
     def on_level(
         self, rays: tuple[Pixels, Pixels, Pixels], z: float
     ) -> tuple[Pixels, Pixels]:
-        """Points x, y (...,) [m] where downward `rays` meet level `z` [m]; others end
-        far away.
+        """Coordinates x and y [m] at which `rays`, three arrays of x, y and z, meet the
+        level `z` [m]; rays not downward end far away.
         """
         centre = self.centre
         right, ahead, up = rays
@@ -135,16 +135,16 @@ class Optics(NamedTuple):
 
 
 def axis_rotations(x: float, y: float, z: float) -> tuple[Array, Array, Array]:
-    """Rotation matrices (3, 3) by `x` about the x-axis, `y` about the y-axis, `z` about
-    z [rad].
+    """Rotation matrices (3, 3): one by `x` about the x-axis, one by `y` about the
+    y-axis, one by `z` [rad] about the z-axis.
     """
     about_x, about_y, about_z = (cv2.Rodrigues(turn)[0] for turn in np.diag([x, y, z]))
     return about_x, about_y, about_z
 
 
 def _inverse(distortion: tuple[float, float], field: float) -> Array:
-    """Coefficients (5,) of the undistorting factor in powers of the squared distorted
-    radius.
+    """Coefficients (5,) of the factor that undoes the lens's distortion, in powers of
+    the squared distorted radius, fitted up to the radius `field`.
     """
     k1, k2 = distortion
     radius = np.linspace(0.0, field, 400)
@@ -176,8 +176,8 @@ def noisy(image: Image, sigma: float, rng: np.random.Generator) -> Image:
 
 @dataclass(frozen=True, slots=True)
 class NoiseBank:
-    """Noise tile (height, width, 3) larger than a frame, as positive part and negative
-    part.
+    """Tile of image noise (height, width, 3) larger than a frame, split into what it
+    adds and what it takes away.
     """
 
     seed: int
@@ -185,8 +185,8 @@ class NoiseBank:
     takes: Image
 
     def apply(self, image: Image, sequence: int) -> None:
-        """Add the noise of frame `sequence` to `image` (h, w, 3), by seed and sequence
-        alone.
+        """Add the noise of frame number `sequence` to `image` (height, width, 3) in
+        place; seed and number alone determine it.
         """
         rng = np.random.default_rng((self.seed, sequence))
         y, x = rng.integers(TILE_SHIFTS, size=2)
@@ -196,8 +196,8 @@ class NoiseBank:
 
 
 def noise_bank(width: int, height: int, sigma: float, seed: int) -> NoiseBank:
-    """Draw a noise tile of `sigma` grey levels, correlated in space as after
-    demosaicing.
+    """Draw a noise tile of `sigma` grey levels for frames of `width` x `height` pixels,
+    correlated in space as after demosaicing.
     """
     rng = np.random.default_rng((seed, 0x5E))
     tile = rng.standard_normal(

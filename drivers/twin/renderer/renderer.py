@@ -45,7 +45,8 @@ _SPECK = WorldState(
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Window of an image, from pixel `first` (2,) to before pixel `end` (2,), u and v.
+    """Window of an image, from pixel `first` (2,) to before pixel `end` (2,), each as
+    column and row.
 
     Only what lies from `kept_first` to before `kept_end` is copied back: the margin
     about it serves the blur.
@@ -58,8 +59,8 @@ class Window:
 
     @classmethod
     def around(cls, pixels: Array, size: tuple[int, int], margin: int) -> Self | None:
-        """Window with twice `margin` around `pixels` (2, n), columns and rows; None
-        without any in an image of `size` (width, height).
+        """Window around `pixels` (2, n), columns and rows, widened by twice `margin`
+        [px]; None without pixels in an image of `size` (width, height).
         """
         if pixels.size == 0:
             return None
@@ -94,7 +95,9 @@ class Window:
 
 
 def _between(image: NDArray[T], first: Indices, end: Indices) -> NDArray[T]:
-    """View of an image from pixel `first` (2,) to before pixel `end` (2,), u and v."""
+    """View of the part of `image` from pixel `first` (2,) to before pixel `end` (2,),
+    each as column and row.
+    """
     (left, top), (right, bottom) = first, end
     return image[top:bottom, left:right]
 
@@ -142,8 +145,8 @@ class Renderer:
         self.render([_SPECK], sequence=0)  # compiles now, outside the control loop
 
     def render(self, scenes: Sequence[WorldState], sequence: int) -> Image:
-        """Frame `sequence` (height, width, 3) BGR, exposed to `scenes`, equally spaced
-        in time.
+        """Draw frame number `sequence` (height, width, 3) in BGR, during whose exposure
+        the cell passes through `scenes` at equal times.
         """
         middle = scenes[len(scenes) // 2]
         curve = ribbon.expose(scenes, self._spacing) if middle.strip else None

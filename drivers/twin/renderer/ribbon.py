@@ -99,8 +99,8 @@ def _hermite(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Array, 
 
 
 def smooth(points: Array, arc: Array) -> Array:
-    """Nodes (n, 2) [m] of a smooth curve through straight links between `points`,
-    nearest to them.
+    """Nodes (n, 2) [m] of the smooth curve nearest to straight links between `points`
+    (n, 2) [m], which lie at arc lengths `arc` (n,) [m].
 
     A curve through the ends of straight links lies outside them by kappa h^2 / 12 on
     average. Moving the nodes in by as much, a twelfth of their second difference where
@@ -118,8 +118,8 @@ def smooth(points: Array, arc: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Weave:
-    """Brightness of a fabric: `face` (i, j) by arc length and depth, `cut` (i, 1) by
-    arc length.
+    """Brightness of a fabric as tables: that of its `face` by arc length and depth,
+    that of its edge, `cut`, by arc length.
     """
 
     face: Array
@@ -127,8 +127,8 @@ class Weave:
 
 
 def random_weave(depth: float, rng: np.random.Generator) -> Weave:
-    """Draw a random twill of yarns whose brightness varies by the share `depth` about
-    1.
+    """Draw the brightness of a random twill, whose yarns vary about 1 by the fraction
+    `depth`.
     """
     i = np.arange(WEAVE_ROWS)[:, None]
     j = np.arange(WEAVE_COLUMNS)[None, :]
@@ -162,7 +162,7 @@ class MidlineImage:
 
 
 def project(curve: ExposedMidline, optics: Optics, look: StripLook) -> MidlineImage:
-    """Project `curve` into the image, with the lens linearised about each point."""
+    """Image of a strip's midline `curve`, with the lens linearised about each point."""
     near = optics.plane(curve.points)
     along_x, along_z = LENS_PROBE * np.eye(2)
     by_x = (optics.plane(curve.points + along_x) - near) / LENS_PROBE  # px/m
@@ -181,8 +181,8 @@ def project(curve: ExposedMidline, optics: Optics, look: StripLook) -> MidlineIm
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """Material points (6, n): u, v [px], area [px^2], brightness, arc length and depth
-    [m].
+    """Points (6, n) of a strip's surface in an image: u and v [px], area [px^2],
+    brightness, arc length and depth [m].
 
     `tint` (n, 3) BGR are the points' colours; empty where all have the strip's.
     """
@@ -252,15 +252,17 @@ def _area(along: Array, across: Array) -> Array:
 
 
 def _facing(curve: ExposedMidline, optics: Optics) -> Array:
-    """Signs (m,): 1 where the camera sees the side that the normal points to, else
-    -1.
+    """Sign at each point of `curve`: 1 where the camera sees the side to which the
+    normal points, else -1.
     """
     outside = ((optics.centre[[0, 2]] - curve.points) * curve.normals).sum(axis=-1)
     return np.where(outside >= 0, 1.0, -1.0)
 
 
 def _lit(curve: ExposedMidline, optics: Optics) -> Array:
-    """Brightness (m,) of the strip's side that faces the camera, by Lambert's law."""
+    """Brightness of the strip's side that faces the camera at each point of `curve`, by
+    Lambert's law.
+    """
     side = _facing(curve, optics)
     diffuse = np.maximum((curve.normals @ LIGHT_DIRECTION) * side, 0.0)
     brightness: Array = AMBIENT + (1 - AMBIENT) * diffuse

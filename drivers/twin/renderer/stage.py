@@ -80,8 +80,8 @@ def light(settings: CameraSettings) -> Field:
 
 
 def _row(optics: Optics, width: int, y: float, z: float) -> Array:
-    """Row (width,) [px] at each column of the image of a line along x at `y`, `z`
-    [m].
+    """Rows [px] at which a line along x at `y` and `z` [m] appears in each of the
+    `width` columns of the image.
     """
     x = np.linspace(-3.0, 4.0, 1401)
     # beyond, the lens's law turns back
@@ -91,8 +91,8 @@ def _row(optics: Optics, width: int, y: float, z: float) -> Array:
 
 
 def _cover(canvas: Field, over: Field, row: Array) -> None:
-    """Cover `canvas` with `over` below `row` (width,) [px], in place, with an
-    antialiased edge.
+    """Cover `canvas` in place with `over` below the pixel row that `row` gives for each
+    column, with an antialiased edge.
     """
     v = np.arange(canvas.shape[0])[:, None]
     share = np.clip(v - row[None, :] + 0.5, 0.0, 1.0).astype(np.float32)[..., None]
@@ -142,7 +142,9 @@ def _desk(
 def _draw_mark(
     image: Image, settings: CameraSettings, optics: Optics, look: StripLook
 ) -> None:
-    """Draw the block that marks the fixed end, behind the strip, into `image`."""
+    """Draw the block that marks the strip's fixed end, and stands behind the strip,
+    into `image`.
+    """
     left, low, _ = MARK.low
     right, high, height = MARK.high
     top_shade, front_shade = MARK_SHADES
@@ -163,8 +165,8 @@ def hull(one: Array, other: Array) -> Array:
 
 
 def fill(image: Image, outline: Array, colour: Array) -> None:
-    """Fill a convex polygon (m, 2) [px] with sub-pixel corners and smooth sides, in
-    place.
+    """Fill the convex polygon `outline` (m, 2) [px] in `image` with `colour`, in place,
+    with sub-pixel corners and smooth sides.
     """
     ink = np.minimum(colour, 255).tolist()
     cv2.fillConvexPoly(image, _fixed_point(outline), ink, cv2.LINE_AA, 8)
