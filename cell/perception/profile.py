@@ -1,5 +1,5 @@
-"""Midline of the lifted strip, in the plane of its near edge, from its borders in an
-image.
+"""Midline of the lifted strip in the plane of its near edge, found from the strip's
+borders in an image.
 """
 
 from dataclasses import dataclass
@@ -35,8 +35,8 @@ Samples = NDArray[np.int64]  # numbers of samples on lines across the outline
 
 @dataclass(frozen=True, slots=True)
 class Crossings:
-    """Borders of the strip on n lines across it, as offsets (n,) [px] along the inward
-    normal.
+    """Where n lines across the strip in an image cross its borders, as offsets (n,)
+    [px] along the inward normal.
 
     Offsets count from the outline's point. `outer` is the border that faces the
     outside, `inner` the far side of the same band (NaN where it runs into another
@@ -51,8 +51,8 @@ class Crossings:
 
 
 def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings:
-    """Find both borders of the strip on a line across each point of `side`, its
-    outline.
+    """Find both borders of the strip in the image of strip fractions `levels`, on a
+    line across each of the n points of its outline `side`.
 
     `band` (n,) [px] is how wide geometry says the band is there. A border lies where
     the share passes half of the strongest one within the band, kept within PLATEAU.
@@ -82,8 +82,8 @@ def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings
 
 
 def _shares_across(levels: Image, side: Side, offsets: Array) -> Array:
-    """Fractions of strip (n, m) at the offsets `offsets` (m,) [px] inwards from the n
-    points of the outline `side`.
+    """Fractions of strip (n, m) in the image `levels`, at `offsets` (m,) [px] inwards
+    from each of the n points of the outline `side`.
     """
     at = side.points[:, None] - offsets[None, :, None] * side.normals[:, None]
     at = at.astype(np.float32)
@@ -92,8 +92,8 @@ def _shares_across(levels: Image, side: Side, offsets: Array) -> Array:
 
 
 def _last_before(mask: NDArray[np.bool_], end: Samples) -> Samples:
-    """Last true column (n,) before `end` (n,) in each row of `mask` (n, m); 0 for
-    none.
+    """Index (n,) of the last true column before `end` (n,) in each row of `mask` (n,
+    m); 0 where there is none.
     """
     column = np.arange(mask.shape[1])
     last: Samples = np.where(mask & (column < end[:, None]), column, 0).max(axis=1)
@@ -101,8 +101,8 @@ def _last_before(mask: NDArray[np.bool_], end: Samples) -> Samples:
 
 
 def _first_after(mask: NDArray[np.bool_], start: Samples) -> Samples:
-    """First true column (n,) after `start` (n,) in each row of `mask` (n, m); m for
-    none.
+    """Index (n,) of the first true column after `start` (n,) in each row of `mask` (n,
+    m); m where there is none.
     """
     column = np.arange(mask.shape[1])
     after = mask & (column > start[:, None])
@@ -111,8 +111,8 @@ def _first_after(mask: NDArray[np.bool_], start: Samples) -> Samples:
 
 
 def _near_band(offsets: Array, width: Array, reach: float) -> NDArray[np.bool_]:
-    """Mask (n, m) of the samples at `offsets` (m,) within `reach` of a band of `width`
-    (n,).
+    """Mask (n, m) of the offsets (m,) [px] that lie in a band from 0 to `width` (n,)
+    [px], or within `reach` [px] of it.
     """
     return (offsets >= -reach) & (offsets <= width[:, None] + reach)
 
@@ -120,8 +120,8 @@ def _near_band(offsets: Array, width: Array, reach: float) -> NDArray[np.bool_]:
 def _level_crossing(
     across: Array, offsets: Array, left: Samples, level: Array
 ) -> Array:
-    """Offsets (n,) at which lines cross `level` (n,) between samples `left` (n,) and
-    the next.
+    """Offsets (n,) [px] at which values `across` n lines pass `level` (n,) between the
+    sample `left` (n,) and the next one.
     """
     rows = np.arange(len(across))
     before = across[rows, left]
@@ -136,8 +136,8 @@ KERNEL = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35  # parabola through five 
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """Imaging geometry of a strip: thickness, width [m], and `origin` (2,) [px] of the
-    window.
+    """Geometry of a strip in the image: its `thickness` and `width` [m], and the first
+    pixel `origin` (2,) of the image window.
     """
 
     calibration: Calibration
@@ -154,15 +154,16 @@ class Geometry:
 
     @property
     def sweep(self) -> float:
-        """Ratio of the far edge's apparent shift to its distance from the camera's foot
-        point.
+        """Fraction of its distance from the camera's foot point, by which the strip's
+        far edge appears nearer to that point than the near edge does.
         """
         return self.calibration.viewpoint.sweep(self.width)
 
 
 @dataclass(frozen=True, slots=True)
 class OuterSide:
-    """Outer side of the strip at n points, seen in the plane of its near edge.
+    """Outer side of the strip at n points, as it appears in the plane of the strip's
+    near edge.
 
     `points` (n, 2) [m], unit normals `out` (n, 2) of the strip, `lever` (n,) [m] along
     them from the camera's foot point: positive where the side is the near edge, else it
@@ -177,7 +178,7 @@ class OuterSide:
 
     @classmethod
     def from_image(cls, side: Side, geometry: Geometry) -> Self:
-        """Outer side of the strip whose image is `side`."""
+        """Outer side of the strip in that plane, from its image `side`."""
         points = geometry.plane(side.points)
         out = geometry.plane(side.points + side.normals) - points
         sizes = lengths(out)  # m of a pixel
@@ -194,8 +195,8 @@ class OuterSide:
 
 
 class SeenMidline(NamedTuple):
-    """Midline `points` (m, 2) [m], and its share `visible` that is as wide as geometry
-    says.
+    """Midline `points` (m, 2) [m] of a strip, and the fraction `visible` of them at
+    which the strip looks as wide as it should.
     """
 
     points: Array
@@ -203,8 +204,8 @@ class SeenMidline(NamedTuple):
 
 
 def midline_points(levels: Image, side: Side, geometry: Geometry) -> SeenMidline:
-    """Midline of the lifted strip, SPACING apart, from its outer `side` in the matte
-    (h, w).
+    """Midline of the lifted strip at steps of SPACING, from its outer `side` in the
+    image of strip fractions `levels` (h, w).
     """
     outer = OuterSide.from_image(side, geometry)
     expected = outer.swept + geometry.thickness  # m, width of the band
@@ -219,8 +220,8 @@ def midline_points(levels: Image, side: Side, geometry: Geometry) -> SeenMidline
 
 
 def _midline(outer: OuterSide, borders: Crossings, thickness: float) -> Array:
-    """Midline points (n, 2) [m], from the borders of wide bands and the centres of
-    narrow bands.
+    """Midline points (n, 2) [m] of the strip: from its borders where it appears wide,
+    from the centre between them where narrow.
     """
     scale = outer.scale
     # [m] along `out`, as all below
@@ -241,8 +242,8 @@ def _midline(outer: OuterSide, borders: Crossings, thickness: float) -> Array:
 def _by_far_edge(
     predicted: Array, outer: OuterSide, borders: Crossings, thickness: float
 ) -> Array:
-    """Midline offset (n,) [m] along the normals where the outer side is the strip's far
-    edge.
+    """Offset (n,) [m] of the midline along the normals of the outer side, where that
+    side is the strip's far edge.
 
     It is `predicted` (n,) by the far edge; where the near edge is visible behind it, by
     that.
@@ -260,8 +261,8 @@ def _by_far_edge(
 
 
 def _far_offset(differences: Array, limit: float) -> float:
-    """Median [m] of `differences` (n,) between a midline by the near edge and the
-    predicted one.
+    """Median [m] of the `differences` (n,) by which the midline seen at the near edge
+    lies off the one predicted from the far edge; 0 for too few.
 
     Only those under `limit` [m] count; errors of stated width and thickness cause it.
     """
@@ -270,8 +271,8 @@ def _far_offset(differences: Array, limit: float) -> float:
 
 
 def _average_in_order(points: Array, tangents: Array) -> Array:
-    """Order `points` (n, 2) with unit `tangents` by arc length and average them over
-    SPACING.
+    """Mean points (m, 2) [m] of a curve in order of arc length, one per SPACING, from
+    `points` (n, 2) with unit `tangents` (n, 2).
 
     Where the outer side changes from near to far edge, its points repeat a section of
     the midline.
@@ -290,8 +291,8 @@ def _average_in_order(points: Array, tangents: Array) -> Array:
 
 
 def resample(points: Array) -> Array:
-    """Resample a polyline (n, 2) to PROFILE_POINTS at equal steps, smoothed by local
-    parabolas.
+    """Resample a polyline (n, 2) to PROFILE_POINTS points at equal steps, smoothed by
+    local parabolas.
     """
     even = even_points(points, PROFILE_POINTS)
     for column in even.T:

@@ -1,4 +1,6 @@
-"""Image regions in which the strip can appear, the hand's mask, and sizes in pixels."""
+"""Regions of the image in which the strip can appear, the mask of the hand, and sizes
+in pixels.
+"""
 
 from dataclasses import dataclass
 from math import ceil
@@ -24,8 +26,8 @@ PROBE_DEPTH = 0.014
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """Sizes [px] of windows and gaps on the strip, for a camera that resolves `scale`
-    [m/px].
+    """Sizes [px] of image windows and of gaps on the strip, for a camera with pixels of
+    `scale` [m].
     """
 
     scale: float  # m/px
@@ -80,7 +82,9 @@ HAND_BACK = 0.036  # m behind the near edge: the far side of fingers amid a stri
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """Rectangle of an image [px]: first column and row, and one past the last."""
+    """Rectangle of an image [px], from `left` and `top` to before `right`
+    and `bottom`.
+    """
 
     left: int
     top: int
@@ -102,14 +106,16 @@ class Region:
         return image[self.top : self.bottom, self.left : self.right]
 
     def cells(self, cell: int) -> tuple[int, int]:
-        """Numbers of rows and columns of cells of `cell` [px] that cover the region."""
+        """Numbers of rows and of columns of square cells, each `cell` [px] wide, that
+        cover the region.
+        """
         rows = ceil((self.bottom - self.top) / cell)
         return rows, ceil((self.right - self.left) / cell)
 
 
 def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Region:
-    """Region of the image in which a strip of `length` [m], held at `gripper`, can
-    appear.
+    """Region of the image in which a strip of `length` [m] can appear while the gripper
+    holds it at pose `gripper`.
 
     It covers whole cells of CELL_PX. The strip is fixed at x = 0: the region ends on
     the right half way between its length and the gripper.
@@ -134,8 +140,8 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Regi
 
 
 def motion_mask(calibration: Calibration, length: float) -> Image:
-    """Mask (height, width), 255 where a strip of `length` [m] will move before the
-    background.
+    """Mask (height, width) of the image, 255 where a strip of `length` [m] will move in
+    front of the background.
 
     Only above the desk, and below the hand that waits for the grasp.
     """
@@ -173,7 +179,9 @@ def _blank(calibration: Calibration) -> Image:
 
 
 def _fill(calibration: Calibration, corners: list[tuple[float, float]]) -> Image:
-    """Mask (height, width), 255 within `corners` (n, 2) [m]."""
+    """Mask (height, width) of the image, 255 inside the polygon of `corners`, each x
+    and z [m] in the plane of the strip's near edge.
+    """
     pixels = np.rint(calibration.homography.to_image(np.array(corners)))
     mask = _blank(calibration)
     cv2.fillPoly(mask, [pixels.astype(np.int32)], 255)
@@ -181,8 +189,8 @@ def _fill(calibration: Calibration, corners: list[tuple[float, float]]) -> Image
 
 
 def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Image:
-    """Mask (h, w) of `region`, 0 where the hand at `gripper` may hide the strip, else
-    255.
+    """Mask (height, width) of `region`, 0 where the hand at pose `gripper` may hide the
+    strip, else 255.
     """
     # half of the outline along the hand: its tip, fingers, palm and wrist
     palm, palm_aside = PALM[0]

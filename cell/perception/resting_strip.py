@@ -26,8 +26,8 @@ PAST_END = 0.06  # m past its stated length up to which the strip is searched
 
 @dataclass(frozen=True, slots=True)
 class Underside:
-    """Underside of the resting strip: heights `z` (n,) [m] of its midline at `x` (n,)
-    [m].
+    """Underside of the resting strip, as heights `z` (n,) [m] of its midline at
+    positions `x` (n,) [m].
 
     `z` is NaN where no strip is seen; `end` [m] is x of the strip's free edge.
     """
@@ -38,14 +38,14 @@ class Underside:
 
     @property
     def present(self) -> NDArray[np.bool_]:
-        """Mask (n,) of the places `x` at which a strip is visible."""
+        """Mask (n,) of the positions `x` at which a strip is visible."""
         return np.isfinite(self.z)
 
 
 @dataclass(frozen=True, slots=True)
 class SceneSamples:
-    """Sampled pixels (n, 3) BGR of the resting strip, the desk before it, the backdrop
-    above it.
+    """Pixels sampled before a fold, (n, 3) BGR each: of the resting strip, of the desk
+    before it, and of the backdrop above it.
     """
 
     strip: Array
@@ -61,8 +61,8 @@ class SceneSamples:
 def sample_scene(
     image: Image, calibration: Calibration, strip: StripFile, rise: float = 0.0
 ) -> SceneSamples:
-    """Sample pixels of `image` (h, w, 3) where strip, desk and backdrop are expected,
-    of a strip at a height `rise` [m].
+    """Sample pixels of `image` (height, width, 3) where strip, desk and backdrop should
+    be, for a strip that rests `rise` [m] above z = 0.
     """
     lower = max(strip.thickness - THIN, 0.0) / 2 - rise
     front = (FRONT_HEIGHTS[0] - lower, FRONT_HEIGHTS[1] - lower)
@@ -79,8 +79,8 @@ def sample_scene(
 def inner_pixels(
     image: Image, calibration: Calibration, strip: StripFile, rise: float
 ) -> Array:
-    """Pixels (n, 3) BGR well inside the strip's face; its near edge appears at z =
-    `rise` [m].
+    """Pixels (n, 3) BGR of `image` well inside the strip's face, for a strip whose near
+    edge appears at z = `rise` [m].
     """
     face = face_height(calibration, strip)
     height = (rise + INNER[0] * face, rise + INNER[1] * face)
@@ -88,15 +88,15 @@ def inner_pixels(
 
 
 def face_height(calibration: Calibration, strip: StripFile) -> float:
-    """Height [m] at which the resting strip's far edge appears in the plane of its near
-    edge.
+    """Height [m] at which the far edge of the resting strip appears, measured in the
+    plane of its near edge.
     """
     return calibration.viewpoint.sweep(strip.width) * calibration.viewpoint.z
 
 
 def _span(strip: StripFile, margin: float) -> tuple[float, float]:
-    """Range of x [m] over the strip without its ends: a `margin` [m] and 1 cm are left
-    out.
+    """Range of x [m] over the strip, from its fixed to its free end, less `margin` [m]
+    and 1 cm at either end.
     """
     return margin + 0.01, strip.length - margin - 0.01
 
@@ -107,16 +107,16 @@ def sample_rectangle(
     span: tuple[float, float],
     height: tuple[float, float],
 ) -> Array:
-    """Pixels (n, 3) BGR over a rectangle, `span` of x and `height` of z [m], of the
-    edge plane.
+    """Pixels (n, 3) BGR of `image` in a rectangle of the plane of the strip's near
+    edge, over `span` in x and `height` in z [m].
     """
     grid = _grid(np.linspace(*span, 250), np.linspace(*height, 12))
     return sample_plane(image, calibration, grid).reshape(-1, 3)
 
 
 def sample_plane(image: Image, calibration: Calibration, points: Array) -> Array:
-    """Values of `image` at `points` (n, m, 2) [m] of the plane of the near edge: (n, m,
-    ...).
+    """Values (n, m, ...) of `image` at `points` (n, m, 2), x and z [m], in the plane of
+    the strip's near edge.
     """
     pixels = calibration.to_image(points.reshape(-1, 2)).reshape(points.shape)
     at = pixels.astype(np.float32)
@@ -126,14 +126,15 @@ def sample_plane(image: Image, calibration: Calibration, points: Array) -> Array
 
 
 def _grid(x: Array, z: Array) -> Array:
-    """Points (n, m, 2) of the plane at all x (n,) and z (m,) [m]."""
+    """Points (n, m, 2) with every pair of the coordinates `x` (n,) and `z` (m,) [m]."""
     return np.stack(np.meshgrid(x, z, indexing="ij"), axis=-1)
 
 
 def strip_shares(
     levels: Image, calibration: Calibration, strip: StripFile, rise: float
 ) -> Array:
-    """Shares of strip (n,), 0 to 1, at each mm along the near side of a strip at rest.
+    """Fractions of strip (n,), 0 to 1, at each millimetre along the near side of a
+    strip at rest.
 
     From the smoothed matte `levels` (h, w); the midline rests at a height `rise` [m].
     """
@@ -149,8 +150,8 @@ def strip_shares(
 def underside(
     levels: Image, calibration: Calibration, strip: StripFile, rise: float
 ) -> Underside:
-    """Locate the resting strip's underside in the smoothed matte `levels` (h, w) of an
-    image; its free edge at a height `rise` [m].
+    """Locate the underside of the resting strip in `levels` (h, w), the smoothed image
+    of strip fractions; its free edge is sought at z = `rise` [m].
     """
     x = np.arange(0.005, strip.length + PAST_END, 0.002)
     z = np.arange(-SEARCH, SEARCH, 0.0001)
@@ -172,8 +173,8 @@ def underside(
 def _free_edge(
     levels: Image, calibration: Calibration, strip: StripFile, rise: float
 ) -> float:
-    """Position x [m] of the strip's free edge along its near edge, `rise` [m] above
-    z = 0; NaN where none is visible.
+    """Position x [m] of the strip's free edge along its near edge at z = `rise` [m];
+    NaN where no strip is visible.
     """
     x = np.arange(0.1, strip.length + PAST_END, 0.0003)
     heights = rise + np.array([0.0, 0.0005, 0.001])
@@ -185,8 +186,8 @@ def _free_edge(
 
 
 def resting_line(seen: Underside) -> Array:
-    """Fit the resting midline's height [m] by a polynomial (DEGREE + 1,) of x, robust
-    to a bump.
+    """Coefficients (DEGREE + 1,), constant first, of the resting midline's height [m]
+    as a polynomial of x [m], robust to a bump.
     """
     x = seen.x[seen.present]
     z = seen.z[seen.present]

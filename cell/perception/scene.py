@@ -29,8 +29,8 @@ Indices = NDArray[np.signedinteger[Any]]
 
 
 def _palette(samples: Array) -> Array:
-    """Smallest set of colours (k, 3), most frequent first, that explains `samples` (n,
-    3).
+    """Smallest set of colours (k, 3) that explains the colours `samples` (n, 3), the
+    most frequent one first.
 
     At most MOST_COLOURS. Samples between two colours, as at the border of a stripe, may
     stay unexplained.
@@ -50,8 +50,8 @@ def _palette(samples: Array) -> Array:
 
 
 def colour_distances(samples: Array, colours: Array) -> Array:
-    """Distances (..., k) [sigma] of samples (..., 3) from colours (k, 3), less for
-    brightness.
+    """Distances (..., k) of `samples` (..., 3) from each of `colours` (k, 3), in
+    standard deviations; differences in brightness count less.
     """
     away = samples[..., None, :] - colours
     bright = colours / np.maximum(np.linalg.norm(colours, axis=1), 1.0)[:, None]
@@ -64,8 +64,8 @@ def colour_distances(samples: Array, colours: Array) -> Array:
 
 
 def _worst_explained(samples: Array, colours: Array) -> Array:
-    """Median colour (3,) of the twentieth of `samples` around the one worst
-    explained.
+    """Median colour (3,) of the twentieth of `samples` (n, 3) closest to the sample
+    that is worst explained by `colours` (k, 3).
     """
     distance = colour_distances(samples, colours).min(axis=1)
     worst = samples[np.argmax(distance)]
@@ -74,8 +74,8 @@ def _worst_explained(samples: Array, colours: Array) -> Array:
 
 
 def _refine(samples: Array, colours: Array) -> Array:
-    """Move each colour (k, 3) to the median of its nearest samples, until
-    convergence.
+    """Colours (k, 3) moved to the medians of the `samples` (n, 3) nearest to each of
+    them, up to ROUNDS times until they stay.
     """
     for _ in range(ROUNDS):
         nearest: Indices = colour_distances(samples, colours).argmin(axis=1)
@@ -112,8 +112,8 @@ class Background:
     about: int
 
     def light(self, image: Image, region: Region, visible: Image) -> Floats:
-        """Relative brightness (n + 2, m + 2) of the cells of `region`, with a border of
-        one cell.
+        """Brightness of `image` relative to the stored background, for each cell of
+        `region` and a border of one cell, (n + 2, m + 2).
 
         EVEN_LIGHT where unchanged since preflight. Shadow and flicker are smooth, a
         strip is thin: the median over a neighbourhood is light only. Pixels where
@@ -139,8 +139,8 @@ class Background:
         return bordered
 
     def _fill_holes(self, values: Floats, known: Floats) -> Floats:
-        """Replace unknown `values` (n, m) by the mean of known neighbours, or by 1
-        without any.
+        """Copy of `values` (n, m) in which those not `known` (n, m) are the mean of
+        known neighbours, or 1 where there are none.
         """
         size = (3 * self.about, 3 * self.about)
         weight = cv2.blur(known, size)
@@ -150,8 +150,8 @@ class Background:
 
 
 def _patches_in_view(visible: Image, shape: tuple[int, int]) -> Floats:
-    """Mask of `shape` (rows, columns): 0 for patches whose middle `visible` (h, w)
-    hides, or 1.
+    """Mask of `shape` (rows, columns) of an image's patches: 0 where the mask `visible`
+    (h, w) is 0 in the patch's middle, else 1.
     """
     middles = slice(PATCH_PX // 2, None, PATCH_PX)
     clear = visible[middles, middles] > 0
@@ -162,7 +162,8 @@ def _patches_in_view(visible: Image, shape: tuple[int, int]) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class RestingPlace:
-    """Rectangle [m], in the plane of the near edge, in which the resting strip appears.
+    """Rectangle [m] in the plane of the strip's near edge in which the resting strip
+    appears.
 
     From x = 0 to `length`, between the heights `low` and `high`, its blur and shadow
     included; its midline lies `rise` over the desk's.
@@ -177,8 +178,8 @@ class RestingPlace:
 def _learn_background(
     image: Image, calibration: Calibration, resting: RestingPlace
 ) -> Background:
-    """Background of `image` (height, width, 3), interpolated where the strip lies at
-    `resting`.
+    """Background of `image` (height, width, 3), interpolated over the rectangle
+    `resting` in which the strip lies.
     """
     height, width = image.shape[:2]
     x = np.linspace(0.0, resting.length + END_MARGIN, 60)
@@ -202,14 +203,16 @@ def _learn_background(
 
 
 def _image_line(calibration: Calibration, x: Array, z: float) -> tuple[Array, Array]:
-    """Image columns and rows (n,) [px] of the points at `x` (n,) and height `z` [m]."""
+    """Image columns and rows (n,) [px] of the points at `x` (n,) [m] and height `z` [m]
+    in the plane of the strip's near edge.
+    """
     u, v = calibration.to_image(np.insert(x[:, None], 1, z, axis=1)).T
     return u, v
 
 
 def _bridge(column: Image, begin: int, end: int) -> None:
-    """Replace rows `begin` to before `end` of `column` (h, 3), by a line between those
-    beside.
+    """Replace rows `begin` to before `end` of the image `column` (h, 3) by a straight
+    transition between the rows beside them.
     """
     if begin + 1 < end:
         above = column[begin - EDGE : begin].mean(axis=0)
@@ -231,7 +234,8 @@ SCALE_ENDS = (20, 235)  # grey levels beyond which a camera clips its noise
 
 @dataclass(frozen=True, slots=True)
 class Segmenter:
-    """Segments the strip from its background, by `colours` (k, 3) BGR of the strip.
+    """Separation of the strip from its background, by the `colours` (k, 3) BGR of the
+    strip.
 
     `sensor` [grey levels] is the standard deviation of a pixel's difference from the
     background, `smooth` the same after smoothing, `noise` that of a pixel's share of
@@ -247,8 +251,8 @@ class Segmenter:
     def levels(
         self, image: Image, region: Region, visible: Image
     ) -> tuple[Image, Region]:
-        """Matte levels (h, w) of the strip in `image` (height, width, 3), and their
-        region.
+        """Grey levels (h, w) that state how much strip is in each pixel of `image`
+        (height, width, 3), and the region that they cover.
 
         That is the part of `region`, in whole cells, that holds all but background.
         Only cells that differ from the background in this light, and their neighbours,
@@ -291,8 +295,8 @@ class Segmenter:
         return cv2.max(shown, kernels.ZERO_LEVEL), part
 
     def _changed_cells(self, image: Image, light: Floats, region: Region) -> Image:
-        """Mask (n, m) of the cells that differ from the background, and of their
-        neighbours.
+        """Mask (n, m) of the cells of `region` that differ from the background, and of
+        their neighbours.
         """
         height = image.shape[0]
         changed = kernels.changed_cells(
@@ -307,7 +311,9 @@ class Segmenter:
         return cells
 
     def separation(self, where: Image) -> Floats:
-        """Separation (k, n) [sigma] of the k strip colours from the mask's n pixels."""
+        """Separation (k, n) of each of the k strip colours from the background in the n
+        pixels of the mask `where`, in standard deviations of noise.
+        """
         scene = self.background.image[where > 0]
         shade = self.background.shade[where > 0]
         return np.stack(
@@ -318,8 +324,8 @@ class Segmenter:
 def separation(
     colour: Array, scene: Array | Image, shade: Floats, sensor: float
 ) -> Floats:
-    """Separation (n,) [sigma] of `colour` (3,) from the background colours `scene` (n,
-    3).
+    """Separation (n,) of the strip's `colour` (3,) from the background colours `scene`
+    (n, 3), in standard deviations of noise.
     """
     return np.sqrt(
         kernels.discriminants(_floats(colour), _floats(scene), shade, sensor**2)[0]
@@ -333,8 +339,8 @@ def learn_segmenter(
     strip: StripFile,
     resting: RestingPlace,
 ) -> Segmenter:
-    """Learn to segment the strip, from an `image` (h, w, 3) in which it lies at
-    `resting`.
+    """Learn to tell the strip from its background, from an `image` (height, width, 3)
+    in which it lies in the rectangle `resting`.
 
     `noise` [grey levels] is that of the image.
     """
@@ -356,8 +362,8 @@ def learn_segmenter(
 def resting_place(
     calibration: Calibration, strip: StripFile, rise: float, margin: float
 ) -> RestingPlace:
-    """Rectangle of `strip` at rest `rise` [m] above the desk, with a `margin` [m]
-    around it.
+    """Rectangle in which `strip` appears at rest, `rise` [m] above the desk, with
+    `margin` [m] above and below it.
     """
     half = strip.thickness / 2
     top = half + face_height(calibration, strip)
@@ -390,8 +396,8 @@ def sensor_noise(image: Image) -> float:
 
 
 def _share_noise(colours: Array, background: Image, smooth: float) -> float:
-    """Noise of a pixel's share of strip per grey level of sensor noise, for the worst
-    colour.
+    """Noise of the fraction of strip in a pixel, per grey level of sensor noise, for
+    the strip's worst colour.
 
     `colours` (k, 3) are the strip's, `background` (n, 3) those of the scene.
     """
@@ -413,8 +419,8 @@ def _floats(values: Array | Image | Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Appearance:
-    """Appearance learnt before a fold: segmentation of the `scene`, height of the
-    resting strip.
+    """Appearance learnt before a fold: in `scene` how to tell the strip from its
+    background, and the height of the resting strip.
 
     `resting_line` (k,) are polynomial coefficients, constant first, of the resting
     midline's height [m] over x [m] as the homography maps it.

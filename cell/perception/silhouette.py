@@ -1,5 +1,5 @@
-"""Mask of the strip in an image, and its outer side in order from desk contact to
-gripper.
+"""Mask of the strip in an image, and its outer side as points in order from the desk
+contact to the gripper.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,8 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class FingerZone:
-    """Part of the image window that the fingers cover, in which no outline is used.
+    """Part of the image window that the fingers cover, where points of the strip's
+    outline are ignored.
 
     The gripper point (2,) [px], its unit `approach` (2,), and how far the part reaches
     in front of the point, `clearance` [px], and `aside` of it [px].
@@ -55,9 +56,7 @@ class FingerZone:
     aside: float
 
     def cuts(self, outline: Array) -> NDArray[np.bool_]:
-        """Mask (n,) of the points of an `outline` (n, 2) [px] that the fingers
-        cover.
-        """
+        """Mask (n,) of the points of `outline` (n, 2) [px] that the fingers cover."""
         away = outline - self.point
         along = away @ self.approach
         aside = np.abs(away @ np.array([-self.approach[1], self.approach[0]]))
@@ -69,7 +68,8 @@ class FingerZone:
 def silhouette(
     levels: Image, faint: float, strip: Image, lifted: Image, length: int
 ) -> Image:
-    """Mask (h, w) of the strip, 255 inside, from smoothed matte `levels` (h, w).
+    """Mask (h, w) of the strip, 255 inside, from `levels`, the smoothed image of strip
+    fractions.
 
     The share of strip is SOLID in the zone `strip`, `faint` in its part `lifted`: on
     the backdrop there is no shadow, and an edge-on strip is fainter than its colour.
@@ -87,8 +87,8 @@ def silhouette(
 
 @lru_cache
 def _line_offsets(length: int) -> Offsets:
-    """Offsets (k, n, 2), row and column [px], of the n = `length` points on lines at
-    SLANTS.
+    """Offsets (lines, `length`, 2), row and column [px], of the points on lines of
+    `length` points, one line in each direction of SLANTS.
     """
     steps = np.arange(length) - length // 2
     directions = [(np.cos(angle), np.sin(angle)) for angle in np.radians(SLANTS)]
@@ -100,7 +100,8 @@ def _line_offsets(length: int) -> Offsets:
 def outer_side(
     mask: Image, contact: Array, grip: FingerZone, sizes: Sizes
 ) -> Side | None:
-    """Outer side of the strip in `mask` (h, w), from `contact` (2,) [px] to the grip.
+    """Outer side of the strip in `mask` (h, w), from the desk contact `contact` (2,)
+    [px] to the fingers; None where no side is visible.
 
     A point every OUTLINE_STEP. With the strip on its left the outline runs from under
     the contact around the fold, up to the fingers. None where no region of strip is
@@ -135,7 +136,8 @@ def _nearest_point(points: Array, to: Array) -> int:
 
 
 def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | None:
-    """Outline (n, 2) [px] of the strip at the contact, counter-clockwise as seen.
+    """Outline (n, 2) [px] of the strip in `mask` (h, w) at the desk contact,
+    counter-clockwise as seen in the image.
 
     Breaks are bridged in `mask` (h, w): between regions, and in one whose parts are
     connected elsewhere, as touching layers are. None where no region is large enough.
@@ -164,8 +166,8 @@ def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | 
 def _bridge_regions(
     mask: Image, body: Outline, outlines: list[Outline], gripper: Array, longest: float
 ) -> bool:
-    """Join `body` in `mask` to its next regions by lines, until one reaches the
-    gripper.
+    """Join the region with outline `body` in `mask` (h, w) to the next regions by
+    lines, until a region reaches the gripper.
 
     Returns whether a line was drawn; none is drawn over more than `longest` [px].
     """
@@ -186,8 +188,8 @@ def _bridge_regions(
 
 
 def _outlines(mask: Image) -> list[Outline]:
-    """Outlines (n, 2) [px] of the regions of `mask` (h, w), of SHORTEST_OUTLINE points
-    at least.
+    """Outlines (n, 2) [px] of those regions of `mask` (h, w) whose outline has at least
+    SHORTEST_OUTLINE points.
     """
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return [
@@ -203,8 +205,8 @@ def _nearest(outlines: list[Outline], point: Array) -> Outline:
 
 
 def _facing_tips(outline: Outline, longest: float) -> list[tuple[Outline, Outline]]:
-    """Pairs of an outline's tips (2,) [px] that face each other over less than
-    `longest` [px].
+    """Pairs of tips (2,) [px] of `outline` (n, 2) that face each other less than
+    `longest` [px] apart.
     """
     tips, directions = _tips(outline)
     pairs = []
@@ -219,8 +221,8 @@ def _facing_tips(outline: Outline, longest: float) -> list[tuple[Outline, Outlin
 
 
 def _tips(outline: Outline) -> tuple[Outline, Array]:
-    """Tips (k, 2) [px] where an outline turns back on itself, and unit directions (k,
-    2) outwards.
+    """Tips (k, 2) [px] at which `outline` (n, 2) turns back on itself, and the unit
+    directions (k, 2) in which they point.
 
     There its points TIP_ARM before and after are less than TIP_WIDTH apart.
     """
@@ -241,8 +243,8 @@ def _tips(outline: Outline) -> tuple[Outline, Array]:
 
 
 def _closest(one: Outline, other: Outline) -> tuple[Outline, Outline]:
-    """Nearest points (2,) [px] of two outlines, one of each, among every second
-    point.
+    """Nearest two points (2,) [px] of the outlines `one` and `other`, found among every
+    second point of each.
     """
     a = one[::2]
     b = other[::2]

@@ -1,4 +1,6 @@
-"""Measured values of a strip in one image, and of the layers' touch in several."""
+"""Values measured of a strip in one image, and of the touch of its layers in several
+images.
+"""
 
 from dataclasses import KW_ONLY, dataclass
 from math import nan
@@ -9,8 +11,8 @@ from drivers.strip.engine import Touch
 
 @dataclass(frozen=True, slots=True)
 class StripMeasurement:
-    """Strip measured in one image: lengths [m], NaN where hidden; confidences from 0 to
-    1.
+    """Strip as measured in one image: lengths in m, NaN where hidden, and confidences
+    from 0 to 1.
 
     `profile` (m, 2) is the visible midline from the desk contact to the gripper; `tip`
     the fold's rightmost point; `gap` the smallest visible vertical distance between the
@@ -49,8 +51,8 @@ class SeenTouch(Touch):
     distance: float
 
     def facts(self) -> dict[str, float]:
-        """Entries of result.yaml about the layers' touch: time [s], lengths [m],
-        confidence.
+        """Entries of result.yaml on the touch of the strip's layers, by name: time [s],
+        lengths [m], confidence.
         """
         return {
             "t_layer_touch": self.time,
