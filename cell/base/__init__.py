@@ -1,1 +1,3 @@
-"""Configuration of a cell, its opened devices, measurements spread over processes."""
+"""Configuration of a cell, its opened devices, and measurements that are spread over
+processes.
+"""

@@ -1,4 +1,4 @@
-"""Camera driver for V4L2 devices, and a report on those that are connected."""
+"""Camera driver for V4L2 devices, and a report on the devices that are connected."""
 
 import math
 import threading
@@ -32,8 +32,8 @@ DEVICE_LINKS_FOLDER = Path("/dev/v4l")
 
 @dataclass(frozen=True, slots=True)
 class StampedCapture:
-    """A captured, undecoded frame with its times `stamp` and `arrival` on the cell's
-    clock [s].
+    """One captured frame, not yet decoded, with its times `stamp` and `arrival` [s] on
+    the cell's clock.
     """
 
     capture: Capture
@@ -45,8 +45,8 @@ class StampedCapture:
 
 
 class NewestFrame:
-    """Thread that takes every frame of a camera, stores the newest, and recovers the
-    device.
+    """Thread that takes every frame of a camera, keeps the newest one, and recovers the
+    device after a failure.
 
     A failure is raised by the next `newest`, at least once, and until a frame has
     arrived after it. A stalled or faulty stream is restarted; a lost device is reopened
@@ -108,8 +108,8 @@ class NewestFrame:
         return self._newest is not None and self._newest.stamp > after
 
     def _run(self, session: CaptureSession) -> None:
-        """Main function of the thread: serve sessions, from `session` on, until
-        closed.
+        """Main function of the thread: serve the `session` and those that follow it,
+        until the thread is closed.
         """
         self._current = session
         try:
@@ -142,8 +142,8 @@ class NewestFrame:
             kernel.sleep(RETRY_INTERVAL)
 
     def _check_flow(self) -> None:
-        """Raise CameraStalled after too long without frames, CameraFaulty without
-        complete ones.
+        """Raise CameraStalled where no frame has come for too long, CameraFaulty where
+        no complete one has.
         """
         time = self._kernel.monotonic()
         silent = time - self._last_any  # s
@@ -181,8 +181,8 @@ class NewestFrame:
     def _on_cell_clock(
         self, session: CaptureSession, capture: Capture
     ) -> StampedCapture:
-        """`capture` with times [s] on the cell's clock; stamps increase and precede
-        arrivals.
+        """Frame `capture` with its stamp and arrival [s] on the cell's clock; stamps
+        increase, and each is earlier than its arrival.
         """
         setup = session.setup
         last = self._newest
@@ -227,8 +227,8 @@ class NewestFrame:
             self._restart_counts()
 
     def _restart_counts(self) -> None:
-        """Estimate the frames lost before a restart, and count from the kernel's next
-        number.
+        """Estimate how many frames were lost before a restart, and count on from the
+        kernel's next number.
         """
         time = self._kernel.monotonic()
         missing = round((time - self._last_any) * self._settings.rate)
@@ -358,7 +358,7 @@ class CameraReport:
 
 @dataclass(frozen=True, slots=True)
 class UnusableDevice:
-    """A video device's udev link that cannot be used as a camera, and the reason."""
+    """Video device with a udev link that cannot be used as a camera, and the reason."""
 
     device: str
     problem: str
@@ -378,7 +378,9 @@ def list_cameras(
 
 
 def report(kernel: Kernel, link: str) -> CameraReport:
-    """Report on the camera at udev `link`; CellError where it cannot be opened."""
+    """Identity, modes and controls of the camera at the udev link `link`; raises
+    CellError where it cannot be opened.
+    """
     device = Device.open(kernel, link)
     try:
         controls = tuple(controls_of(device).values())
@@ -393,7 +395,9 @@ def report(kernel: Kernel, link: str) -> CameraReport:
 
 
 def _device_links(links: Path) -> list[str]:
-    """Udev links in the folder `links`, one per video device: by id or else by path."""
+    """Udev links in the folder `links`, one for each video device: by id, or where
+    there is none by path.
+    """
     links_by_device: dict[Path, str] = {}
     for kind in ("by-id", "by-path"):
         for link in sorted((links / kind).glob("*")):

@@ -1,5 +1,5 @@
-"""Controls of a V4L2 camera: list them, switch automatics off, set values and read them
-back.
+"""Controls of a V4L2 camera: listing them, switching automatics off, setting values and
+reading them back.
 """
 
 import re
@@ -44,8 +44,8 @@ LOCKED_OUT = {
 
 @dataclass(frozen=True, slots=True)
 class CameraControl:
-    """Control of a V4L2 camera; `entries` are menu texts by number, `value` None if
-    unreadable.
+    """Control of a V4L2 camera, with its range; `entries` are the texts of a menu by
+    number, and `value` is None if unreadable.
     """
 
     number: int
@@ -77,8 +77,8 @@ class CameraControl:
 
 
 def controls_of(device: Device) -> dict[str, CameraControl]:
-    """Supported, enabled controls of `device` by their names as v4l2-ctl spells
-    them.
+    """Controls of `device` that are supported and enabled, by their names as v4l2-ctl
+    spells them.
     """
     controls = dict[str, CameraControl]()
     query = ControlQuery(id=ControlFlag.NEXT)
@@ -121,7 +121,9 @@ def lock(device: Device, values: Mapping[str, int]) -> dict[str, int]:
 
 
 def _control(device: Device, query: ControlQuery) -> CameraControl:
-    """Control that the device describes by `query`, with its value and menu entries."""
+    """Control that `device` describes by `query`, with its present value and menu
+    entries.
+    """
     flags = ControlFlag(query.flags & sum(ControlFlag))
     kind = ControlType(query.type)
     readable = kind is not ControlType.BUTTON and not flags & ControlFlag.WRITE_ONLY
@@ -158,7 +160,9 @@ def _entries(device: Device, query: ControlQuery, kind: ControlType) -> dict[int
 
 
 def _set(device: Device, control: CameraControl, value: int) -> None:
-    """Set `control` to `value`; CameraRefused where the device does not accept it."""
+    """Set `control` of `device` to `value`; raises CameraRefused where the device does
+    not accept it.
+    """
     # it may have gone with an automatic
     obstacle = controls_of(device)[control.name].obstacle
     if obstacle is not None:
@@ -172,8 +176,8 @@ def _set(device: Device, control: CameraControl, value: int) -> None:
 
 
 def _read_back(device: Device, control: CameraControl, value: int) -> int:
-    """Value of `control` after it was set to `value`; CameraRefused where they
-    differ.
+    """Value of `control` as read back after it was set to `value`; raises CameraRefused
+    where they differ.
     """
     accepted = _value(device, control.number)
     if accepted != value:

@@ -1,5 +1,5 @@
-"""Modes of a V4L2 device, and the picture format: negotiated, read back, decoded to
-BGR.
+"""Modes of a V4L2 device, and its picture format: set, read back, and decoded to BGR
+images.
 """
 
 from collections.abc import Callable, Iterator
@@ -48,7 +48,9 @@ class CameraMode:
 
 
 def modes_of(device: Device) -> Iterator[CameraMode]:
-    """Yield every mode that the device lists, in the device's order."""
+    """Yield every mode of pixel format and size that the device lists, in the device's
+    order.
+    """
     formats = device.enumerate_entries(
         abi.Ioctl.ENUM_FMT, lambda i: abi.FormatDescription(index=i, type=abi.CAPTURE)
     )
@@ -74,8 +76,8 @@ def modes_of(device: Device) -> Iterator[CameraMode]:
 
 
 def _rates(device: Device, number: int, width: int, height: int) -> tuple[float, ...]:
-    """Frame rates [Hz] of one pixel format and size, fastest first; of a range, both
-    ends.
+    """Frame rates [Hz] of the pixel format `number` at a picture of `width` x `height`,
+    fastest first; for a range, its two ends.
     """
     intervals = device.enumerate_entries(
         abi.Ioctl.ENUM_FRAMEINTERVALS,
@@ -117,7 +119,9 @@ READABLE_FORMATS = frozenset({*RAW, "MJPG"})
 
 @dataclass(frozen=True, slots=True)
 class PictureFormat:
-    """Picture format that a camera accepted; `line` in bytes, `rate` in Hz."""
+    """Picture format that a camera has accepted; `line` is the length of a row in
+    bytes, `rate` is in Hz.
+    """
 
     format: str
     width: int
@@ -192,8 +196,8 @@ def negotiate(device: Device, settings: V4l2Settings) -> PictureFormat:
 
 
 def _negotiate_rate(device: Device, settings: V4l2Settings) -> float:
-    """Set the frame rate and return it as read back [Hz]; CameraRefused where it
-    differs.
+    """Set the frame rate of `device` and return it as read back [Hz]; raises
+    CameraRefused where it differs from `settings`.
     """
     wanted = settings.rate
     request = abi.StreamParameters(type=abi.CAPTURE)

@@ -1,5 +1,5 @@
-"""A V4L2 camera that is open, configured from the cell file, and streams: its frames,
-with time of exposure, number, and counts of lost ones.
+"""A V4L2 camera that is open, configured and streaming: its frames with time of
+exposure, number and counts of lost ones.
 """
 
 import errno
@@ -49,8 +49,8 @@ class StampSource(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Shutter:
-    """Times of an image sensor [s]: frame period, exposure, readout from first to last
-    line.
+    """Times of an image sensor [s]: period of the frames, exposure, and readout from
+    first to last line.
     """
 
     period: float
@@ -80,8 +80,8 @@ class Shutter:
 
 @dataclass(slots=True)
 class Sequence:
-    """Increasing frame numbers from the kernel's 32-bit counter, which wraps and can
-    repeat.
+    """Frame numbers that always increase, made from the kernel's 32-bit counter, which
+    wraps and can repeat.
 
     `number` is the last frame's, -1 before the first.
     """
@@ -90,8 +90,8 @@ class Sequence:
     _counter: int | None = None
 
     def step_to(self, counter: int) -> int:
-        """Advance to the kernel's `counter`, and return the difference from the last: 1
-        normally.
+        """Advance to the kernel's `counter`, and return how far it is from the last
+        one, which is normally 1.
 
         It is more where frames are missing, and less where the counter repeats or goes
         back; such a frame is numbered as the next one.
@@ -139,8 +139,8 @@ class Counts:
 
 @dataclass(frozen=True, slots=True)
 class Capture:
-    """One captured frame: bytes (n,) and metadata of a buffer, copied before its
-    requeueing.
+    """One captured frame: its bytes (n,) and metadata, copied from a buffer of the
+    kernel.
 
     `counter` is the kernel's; `stamp` its time and `taken` the moment of dequeueing,
     both on the monotonic clock [s].
@@ -168,7 +168,7 @@ class Setup:
 
 
 class CaptureSession:
-    """An open camera device with its `setup`, streaming into mapped buffers until
+    """Open camera device with its `setup`, which streams into mapped buffers until
     `close`.
     """
 
@@ -226,7 +226,9 @@ class CaptureSession:
         self._device.close()
 
     def _start(self) -> None:
-        """Map and queue buffers, start the stream; on failure nothing stays mapped."""
+        """Map and queue the buffers and start the stream; where that fails, nothing
+        stays mapped.
+        """
         device = self._device
         with ExitStack() as undo:  # a camera that streams refuses the next user
             undo.callback(self._stop)
@@ -272,8 +274,8 @@ class CaptureSession:
         return capture
 
     def _stop(self) -> None:
-        """Stop streaming, unmap and free the buffers; errors of an unplugged device are
-        ignored.
+        """Stop the stream, unmap and free its buffers; errors of an unplugged device
+        are ignored.
 
         Buffers are unmapped in any case: a remaining mapping keeps the node of an
         unplugged camera.
@@ -303,8 +305,8 @@ class CaptureSession:
 
 
 def _set_up(device: Device, settings: V4l2Settings) -> Setup:
-    """Set format and controls of `device`; raises CameraRefused for a value that it
-    refuses.
+    """Set format and controls of `device` as `settings` state; raises CameraRefused for
+    a value that it refuses.
     """
     picture = negotiate(device, settings)
     locks = lock(device, settings.controls)

@@ -1,3 +1,3 @@
-"""Campaigns of independent computations (parts) in processes or on Dask, kept in a
-journal.
+"""Campaigns of independent computations, called parts, in processes or on Dask, with
+the results kept in a journal.
 """

@@ -69,8 +69,8 @@ class Cluster:
 
     @contextmanager
     def calls(self) -> Iterator[Calls]:
-        """Open what carries out calls on the cluster; another worker does those of a
-        dead one.
+        """Open a function that carries out calls on the cluster, where another worker
+        repeats those of a dead one.
 
         Raises ConfigurationError for an address without a usable cluster, WorkersLost
         when the cluster is gone.
@@ -101,8 +101,8 @@ class Cluster:
 
 @contextmanager
 def connect(address: str, patience: float) -> Iterator["Client"]:
-    """Connect a client to the cluster at `address`, which must answer within `patience`
-    [s].
+    """Connect a client to the Dask cluster at `address` (tcp://HOST:PORT), which must
+    answer within `patience` [s].
 
     Raises ConfigurationError where it does not, or has no workers, or workers of other
     versions.
@@ -191,7 +191,9 @@ def _run_until_lost(
 
 
 def _thread_count(client: "Client") -> int:
-    """Number of threads of all workers; 0 where the scheduler does not answer."""
+    """Number of threads of all the cluster's workers; 0 where the scheduler does not
+    answer.
+    """
     try:
         return sum(client.nthreads().values())
     except (OSError, TimeoutError):
@@ -201,7 +203,8 @@ def _thread_count(client: "Client") -> int:
 def _store_record(
     future: "Future[str]", part: Part, folder: Path, killed: Counter[str]
 ) -> Record | None:
-    """Record of a finished part; None where its worker or the scheduler died.
+    """Record of a finished `part` from its `future`; None where the worker or the
+    scheduler died.
 
     It is stored here where the worker shares no folder with us.
     """
@@ -263,8 +266,8 @@ def _local_folder() -> Path:
 
 
 def _check(client: "Client", address: str, patience: float) -> None:
-    """Raise ConfigurationError for a cluster without workers or with other library
-    versions.
+    """Raise ConfigurationError for a cluster without workers within `patience` [s], or
+    with other library versions than here.
     """
     try:
         client.wait_for_workers(1, timeout=patience)

@@ -66,8 +66,8 @@ class Journal:
         self.folder = folder
 
     def path(self, key: str, of: str) -> Path:
-        """Path of the record of part `key` with digest `of`, the same on every
-        machine.
+        """Path of the record of the part `key` with the digest `of` of its code and
+        inputs, the same on every machine.
         """
         name = re.sub(r"[^\w.+-]+", "-", key)[:80]
         return self.folder / f"{name}.{digest(key, of)}.json"
@@ -81,8 +81,8 @@ class Journal:
         return record if is_of_part else None
 
     def put(self, record: Record) -> None:
-        """Store `record`; it is on disk on return. Raises ConfigurationError where it
-        cannot be.
+        """Store `record`, which is on disk on return; raises ConfigurationError where
+        it cannot be stored.
         """
         path = self.path(record.key, record.of)
         with writing(path, "make room and run the command again"):
@@ -90,7 +90,9 @@ class Journal:
             replace_file(path, record.model_dump_json(by_alias=True, indent=1).encode())
 
     def records(self) -> tuple[Record, ...]:
-        """All records of the campaign that can be read, by file name."""
+        """All records of the campaign that can be read, in the order of their file
+        names.
+        """
         paths = sorted(self.folder.glob("[!.]*.json"))
         return tuple(filter(None, map(_read, paths)))
 
@@ -101,7 +103,7 @@ class Journal:
 
 
 def _read(path: Path) -> Record | None:
-    """Record in the file at `path`; None where it cannot be read."""
+    """Record in the file at `path`; None where there is none that can be read."""
     try:
         return Record.model_validate_json(read_bytes(path, LARGEST_RECORD))
     except (OSError, ValidationError, ConfigurationError):
@@ -109,5 +111,5 @@ def _read(path: Path) -> Record | None:
 
 
 def digest(*texts: str) -> str:
-    """Digest of `texts`, twelve hexadecimal digits."""
+    """Digest of the strings `texts`, in order: twelve hexadecimal digits."""
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:12]

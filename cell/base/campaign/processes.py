@@ -1,4 +1,4 @@
-"""Pools of worker processes on this machine, whose calls may be stopped, die or take
+"""Pools of worker processes on this machine, whose calls may be stopped, die, or take
 too long.
 
 Processes, not threads: a third of the work holds the GIL.
@@ -29,8 +29,8 @@ TERMINATION_TIMEOUT = 60.0  # s for a call to end once its pool is closed
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """Message to a process: call `function(*arguments)`, with a StopSignal last if
-    `stoppable`.
+    """Message to a worker process: call `function(*arguments)`, with a StopSignal as
+    last argument if it is `stoppable`.
     """
 
     function: Callable[..., Any]
@@ -39,8 +39,8 @@ class Call:
 
 
 class PoolMessage(StrEnum):
-    """Messages between pool and process: STOP for a call, READY once the process is
-    prepared.
+    """Messages between a pool and its processes: STOP asks a call to end, READY says
+    that the process is prepared.
 
     A second STOP ends a stoppable call at once.
     """
@@ -51,16 +51,16 @@ class PoolMessage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class CallResult:
-    """Message of a process whose call has ended: what it returned, or the CellError it
-    raised.
+    """Message of a worker process whose call has ended: the `value` that it returned,
+    or the CellError that it raised.
     """
 
     value: Any
 
 
 class StopSignal:
-    """Request to stop a call, received through `pipe`, or implied by the parent's
-    end.
+    """Request to stop a call, which comes through `pipe` or follows from the end of the
+    parent process.
     """
 
     def __init__(self, pipe: Connection) -> None:
@@ -68,8 +68,8 @@ class StopSignal:
         self._requests = 0
 
     def __call__(self) -> bool:
-        """Whether this call is to stop; raises KeyboardInterrupt from the second
-        request on.
+        """Whether this call is to stop; raises KeyboardInterrupt once a second request
+        to stop has come.
         """
         while self._pipe.poll():
             try:
@@ -86,8 +86,8 @@ class StopSignal:
 def work(
     pipe: Connection, prepare: Callable[[], None] | None, dies_with_parent: bool
 ) -> None:
-    """Main function of a worker process: prepare, then carry out calls until the pipe
-    closes.
+    """Main function of a worker process: call `prepare`, then carry out calls that come
+    through `pipe` until it closes.
     """
     if dies_with_parent:
         end_with_parent(pipe)
@@ -110,8 +110,8 @@ def work(
 
 
 def _next_call(pipe: Connection) -> Call:
-    """Wait for the next call to this worker process; stop requests between calls are
-    ignored.
+    """Wait for the next call through `pipe` to this worker process; requests to stop
+    that come in between are ignored.
     """
     while not isinstance(request := pipe.recv(), Call):
         pass
@@ -130,8 +130,8 @@ class _Running:
 
 
 class ProcessPool:
-    """Pool of up to `size` processes, started when they are needed and kept for later
-    calls.
+    """Pool of up to `size` worker processes, started when they are needed and kept for
+    later calls.
 
     Each runs `prepare`, a function known by its name, before its first call. Processes
     that do not die with their parent leave it to a stoppable call to see its end.
@@ -167,8 +167,8 @@ class ProcessPool:
         *arguments: Any,
         stoppable: bool = False,
     ) -> None:
-        """Start `function(*arguments)` in a process; `ended` later yields its result
-        with `key`.
+        """Start `function(*arguments)` in a process; `ended` later yields its result,
+        together with `key`.
         """
         if self._idle:
             running = _Running(key, self._idle.pop(), time.monotonic())
@@ -193,8 +193,8 @@ class ProcessPool:
     def ended(
         self, timeout: float, limit: float | None = None
     ) -> Iterator[tuple[Any, Any]]:
-        """Wait up to `timeout` [s] and yield (key, result) of the calls that have
-        ended.
+        """Wait up to `timeout` [s] for calls to end, and yield the key and the result
+        of each that has ended.
 
         The result is what was returned, the CellError that was raised, ChildDied of a
         process that died, or TimeoutError of a call that took longer than `limit` [s]
@@ -219,8 +219,8 @@ class ProcessPool:
             running.process.send(PoolMessage.STOP)
 
     def close(self) -> None:
-        """Let all processes end: stoppable calls stop under control, others may finish
-        in time.
+        """Let all processes end: calls that can be stopped stop in an orderly way,
+        others may still finish in time.
         """
         processes = self._forget_all()
         for process in processes:
@@ -234,8 +234,8 @@ class ProcessPool:
             process.kill()
 
     def _receive(self, running: _Running) -> Iterator[tuple[Any, Any]]:
-        """Yield key and result of an ended call; nothing for a process that is ready
-        now.
+        """Yield key and result of the call that `running` has ended; nothing where the
+        process only reports that it is ready.
         """
         try:
             message = running.process.receive()
@@ -265,7 +265,8 @@ class ProcessPool:
 
 @contextmanager
 def workers(jobs: int) -> Iterator[Calls]:
-    """Open what carries out calls in `jobs` processes, or in this one for a single job.
+    """Open a function that carries out calls in `jobs` processes, or in this process if
+    `jobs` is 1.
 
     For work that keeps its own journal: raises WorkersLost when a process dies.
     """

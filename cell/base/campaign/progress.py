@@ -1,4 +1,4 @@
-"""Progress display of a campaign or training in the terminal: steps, time left,
+"""Progress display of a campaign or a training in the terminal: steps done, time left,
 failures.
 """
 
@@ -17,8 +17,8 @@ LINES = 20
 
 
 def _failure_text(record: Record) -> str:
-    """Text with the state and reason of a part that was not measured; empty if it
-    was.
+    """Text with state and reason of a campaign's part that was not measured; empty for
+    one that was.
     """
     if record.state == "measured":
         return ""
@@ -26,7 +26,8 @@ def _failure_text(record: Record) -> str:
 
 
 class Meter(AbstractContextManager["Meter"]):
-    """Progress bar of steps, weighted by their cost; off a terminal, lines.
+    """Progress bar of a campaign or a training, whose steps count by their cost; lines
+    of text without a terminal.
 
     A measured part is a line, and one that failed stays on the screen; a training,
     whose steps are many, prints every twentieth of them. Without a `console` nothing is
@@ -56,8 +57,8 @@ class Meter(AbstractContextManager["Meter"]):
         cost: float | None = None,
         known_cost: float | None = None,
     ) -> None:
-        """Show `known` of `count` steps as done; each costs 1 unless both costs are
-        given.
+        """Begin to show `count` steps, of which `known` are done; `cost` and
+        `known_cost` are what all and those cost, else each costs 1.
         """
         bar = self._bar
         self._count = count
@@ -74,8 +75,8 @@ class Meter(AbstractContextManager["Meter"]):
             bar.start()
 
     def finish(self, cost: float, record: Record) -> None:
-        """Advance the progress bar by a finished part of `cost`, whose result is
-        `record`.
+        """Advance the display by one finished part that had the estimated `cost`, and
+        whose result is `record`.
         """
         self._number += 1
         self._failed += record.state != "measured"
@@ -110,8 +111,8 @@ class Meter(AbstractContextManager["Meter"]):
             self._bar.update(self._task, completed=self._done, description=text)
 
     def _time_left(self) -> str:
-        """Text of the estimated time left, from the time per step since the start; or
-        empty.
+        """Text of the estimated time left, from the time per step since the start;
+        empty where it cannot be known.
         """
         here = self._done - self._before
         left = self._total - self._done

@@ -1,5 +1,5 @@
-"""Parts of a campaign, measured by an engine here or on other machines, and kept in a
-journal.
+"""Parts of a campaign, and how an engine measures them, here or on other machines, and
+keeps the results in a journal.
 """
 
 import os
@@ -31,8 +31,8 @@ Outcome = Mapping[str, Any] | BaseModel  # of a part, of values that JSON can ho
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Part of a campaign: a call of the importable `function` that another process can
-    make.
+    """Part of a campaign: a call of the importable `function`, which any process can
+    make, with the name `key`.
 
     `key` is unique among the parts, `of` the digest of the code and files that the
     outcome depends on, `cost` the estimated time on one core [s]. Equal parts give
@@ -47,8 +47,8 @@ class Part:
 
 
 def measure(part: Part, folder: Path) -> Record:
-    """Measure `part` and store its record in the journal at `folder`; reuses a finished
-    record.
+    """Measure the campaign's `part` and store its record in the journal at `folder`; a
+    record that is finished is returned as it is.
 
     A part that raises is `failed`, with the reason. Raises ConfigurationError where the
     journal cannot be written.
@@ -77,8 +77,8 @@ def measure(part: Part, folder: Path) -> Record:
 
 
 def store_record(part: Part, folder: Path, state: State, **facts: Any) -> Record:
-    """Store and return the record of `part` with `facts`, host and versions of this
-    process.
+    """Store and return the record of `part` in the `state`, with its `facts` and the
+    host and versions of this process.
 
     One in the `state` set_aside, with a `reason`, is of a part that gave no record
     itself.
@@ -111,15 +111,15 @@ class Engine(Protocol):
         """
 
     def calls(self) -> AbstractContextManager[Calls]:
-        """Open what carries out calls on the engine, for a search with a journal of its
-        own.
+        """Open a function that carries out calls on the engine, for a search that keeps
+        a journal of its own.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """Engine of `jobs` local processes; `limit` [s] bounds the wall time of a part,
-    unless None.
+    """Engine that measures in `jobs` local processes; `limit` [s] bounds the wall time
+    of a part, unless None.
     """
 
     jobs: int = 1
@@ -136,8 +136,8 @@ class Local:
             pool.kill()
 
     def calls(self) -> AbstractContextManager[Calls]:
-        """Open what carries out calls in the processes; WorkersLost when one of them
-        dies.
+        """Open a function that carries out calls in the local processes; it raises
+        WorkersLost when one of them dies.
         """
         return workers(self.jobs)
 
@@ -177,8 +177,8 @@ def carry_out(
     *,
     again: bool = False,
 ) -> Iterator[Record]:
-    """Yield the record of every part, finished ones first, then the others as they
-    finish.
+    """Yield the record of each of `parts`: first those already finished, then the
+    others as the `engine` finishes them.
 
     The journal at `folder` keeps the records; `again` measures all parts anew. Raises
     CellError where the journal cannot be written or the workers are gone,
@@ -209,8 +209,8 @@ def carry_out(
 
 
 def make_folder(folder: Path) -> None:
-    """Make `folder`, which workers must find; raises ConfigurationError where that
-    fails.
+    """Make the folder `folder`, which workers must be able to find; raises
+    ConfigurationError where that fails.
     """
     with writing(f"--out: {folder}", "name another folder"):
         folder.mkdir(parents=True, exist_ok=True)

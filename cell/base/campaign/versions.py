@@ -1,5 +1,5 @@
-"""Versions on which a campaign's numbers depend: those of libraries, digests of code
-and data.
+"""Versions of libraries and digests of code and data, on which the numbers of a
+campaign depend.
 """
 
 import hashlib
@@ -31,18 +31,20 @@ def code() -> str:
 
 @cache
 def data() -> str:
-    """Digest of all weights and tables that lie beside the sources."""
+    """Digest, 16 digits, of all weights and tables that lie beside the sources."""
     return sources(ROOTS, ("*.npz", "*.json", "*.yaml"), NO_OUTCOME)[:12]
 
 
 def verdicts() -> str:
-    """Digest of the source files on which verdicts of `cell gap` depend."""
+    """Digest, 16 digits, of the source files on which the verdicts of `cell gap`
+    depend.
+    """
     return sources(("cell/gap", "cell/record", "drivers/strip"))
 
 
 def versions() -> dict[str, str]:
-    """Local versions of libraries that affect the numbers, and the digest of code and
-    data.
+    """Versions of the installed libraries that affect the numbers, by name, and the
+    digest of code and data under `code`.
     """
     here = {package: version(package) for package in PACKAGES}
     return {**here, "code": f"{code()}-{data()}"}

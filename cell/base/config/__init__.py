@@ -1,1 +1,3 @@
-"""Configuration of a cell: its files, where they are, and errors in one line."""
+"""Configuration of a cell: its files and their locations, and errors in one line of
+text.
+"""

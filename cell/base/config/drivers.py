@@ -38,7 +38,9 @@ class Driver:
         return self == DRIVERS["arms"]["fci"]
 
     def load(self, part: Literal["opener", "settings"] = "opener") -> Any:
-        """Import and return what opens the devices, or the class of their settings."""
+        """Import and return what opens the devices (`part` "opener"), or the class of
+        their settings ("settings").
+        """
         return EntryPoint("driver", getattr(self, part), "folding_cell").load()
 
 
@@ -59,12 +61,12 @@ DRIVERS: Mapping[Kind, Mapping[str, Driver]] = MappingProxyType(
 
 @cache
 def all_drivers(kind: Kind) -> Mapping[str, Driver]:
-    """Drivers of this `kind`, with those of plug-ins, by the name that operators
-    use.
+    """All drivers of arms or of cameras (`kind`), by the name that operators use, with
+    those of plug-ins.
     """
     return {**DRIVERS[kind], **plugins(kind, Driver, DRIVERS[kind])}
 
 
 def driver_names(kind: Kind) -> tuple[str, ...]:
-    """Names of the drivers of this `kind`; no plug-in is imported."""
+    """Names of the drivers of arms or of cameras (`kind`); no plug-in is imported."""
     return (*DRIVERS[kind], *plugin_names(kind))

@@ -17,8 +17,8 @@ def metres(
     bare: str = "m",
     least: float = -inf,
 ) -> float:
-    """Length [m] that `text` states, such as `600mm`, `60cm`, `0.6m`, or a number in
-    `bare`.
+    """Length [m] that `text` states, such as `600mm`, `60cm` or `0.6m`; a number
+    without a unit is in the unit `bare`.
 
     Raises ConfigurationError naming `option` for other text, and for a length below
     `least` [m] or of more than `largest` [m] to either side.

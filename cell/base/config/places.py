@@ -33,8 +33,8 @@ class Configs:
         return self.folder / "cell.yaml"
 
     def cell(self) -> "CellFile":
-        """Contents of cell.yaml, its effects checked and the path of its calibration
-        resolved.
+        """Contents of cell.yaml, with its effects checked and the path of its
+        calibration resolved against the folder of configuration.
         """
         from cell.base.config.cell import CellFile
         from drivers.base.settings import load
@@ -66,15 +66,15 @@ class Configs:
         return self._file("plant", name, remedy)
 
     def mechanism_path(self, name: str) -> Path:
-        """Path of the file of the mechanism `name`; ConfigurationError for an unknown
-        name.
+        """Path of the file of the mechanism called `name`; raises ConfigurationError
+        for an unknown name.
         """
         remedy = "name one, or give the path to any by --model"
         return self._file("mechanism", name, remedy, "*/mechanism.yaml")
 
     def _file(self, kind: str, name: str, remedy: str, pattern: str = "*.yaml") -> Path:
-        """Path of the file of the strip, plant or mechanism (`kind`) with this `name`
-        or path.
+        """Path of the file of the strip, plant or mechanism (`kind`) called `name`, or
+        of the file at the path `name`.
 
         Raises ConfigurationError for an unknown name.
         """
@@ -95,8 +95,8 @@ class Configs:
         return known[name]
 
     def strip(self, name: str) -> "StripFile":
-        """Read and check the strip called `name`; `unknown:LENGTH` is one without a
-        file.
+        """Strip called `name`, read and checked; the name `unknown:LENGTH` stands for a
+        strip without a file.
         """
         from cell.base.config.unmeasured_strip import MARK, unmeasured_strip
         from drivers.strip.describe import load_strip
@@ -113,7 +113,8 @@ class Configs:
 
 
 def find_configs(given: str | Path | None) -> Configs:
-    """Folder of configuration: that of `--configs`, else ./configs, else the package's.
+    """Folder of configuration: the one `given`, else ./configs, else the one of the
+    package.
 
     Raises ConfigurationError where it holds no cell.yaml.
     """

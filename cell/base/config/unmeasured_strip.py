@@ -1,5 +1,5 @@
-"""Strips without a file, of which only length and perhaps thickness are known, the rest
-assumed.
+"""Strips that have no file: their length and perhaps their thickness are known, and the
+rest is assumed.
 """
 
 from typing import Any
@@ -20,15 +20,15 @@ CALIPERS = {"key": "thickness", "source": "measured", "note": "stated by the ope
 
 
 def unmeasured_name(length: float, thickness: float | None) -> str:
-    """Name of a strip without a file, given by its `length` and maybe `thickness`
-    [m].
+    """Name that stands for a strip without a file, of `length` [m] and, unless None,
+    `thickness` [m].
     """
     return f"{MARK}{length:g}" + ("" if thickness is None else f":{thickness:g}")
 
 
 def unmeasured_strip(known: str) -> StripFile:
-    """Strip of which only length, and perhaps thickness [m], are `known`: "0.6" or
-    "0.6:0.001".
+    """Strip of which only the length, and perhaps the thickness, in metres are `known`:
+    "0.6" or "0.6:0.001".
 
     The rest is assumed, in the middle of its range. Raises ConfigurationError for other
     text.

@@ -1,4 +1,4 @@
-"""Devices of a cell as the orchestrator uses them, and the trial for which they are
+"""Devices of a cell as the fold's control uses them, and the trial for which they are
 opened.
 """
 
@@ -33,15 +33,18 @@ class CalibrationAids(Protocol):
     """
 
     def show_board(self, wanted: WantedView) -> Frame:
-        """Take an image of the calibration board held as `wanted`."""
+        """Take an image of the calibration board, held so that it appears in the image
+        as `wanted` states.
+        """
 
     def hold_pointer(self, held: bool) -> None:
-        """Put the pointer between the fingers if `held`, else remove it."""
+        """Put the pointer between the fingers if `held` is true, else remove it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Devices:
-    """Devices of an open cell: clock, arm, hand and camera, and on the twin its plant.
+    """Devices of an open cell: clock, arm, hand and camera, and on the twin the strip's
+    true state, `plant`.
 
     A calibration must match `camera_identity`.
     `camera_locks` states the values to which the camera controls are locked, `others`
@@ -80,8 +83,8 @@ class Devices:
 
 
 class ArmHistory:
-    """History of the last STATES_KEPT measured states of the arm, for its pose at a
-    past time.
+    """History of the newest measured states of the arm, STATES_KEPT of them, for its
+    pose at a past time.
     """
 
     def __init__(self) -> None:
@@ -107,13 +110,13 @@ class ArmHistory:
 
 
 class GroundTruth(Protocol):
-    """Protocol of a plant whose true motion is known; only used to score a run after
-    its end.
+    """Protocol of a strip whose true motion is known; it serves only to score a run
+    after its end.
     """
 
     def truth(self, origin: float, goal: float = 0.0) -> Mapping[str, Any]:
-        """True touch time [s] since `origin`, displacement and edge offset [m], by
-        name.
+        """True time of touch [s] since `origin`, displacement and edge offset [m], by
+        name; None for what did not happen.
 
         The lengths are those of a fold whose grasped edge is to lie at x = `goal` [m];
         None of what did not happen.
@@ -122,8 +125,8 @@ class GroundTruth(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One trial of a cell: the strip and run that the twin simulates, the operator's
-    consent.
+    """One trial of a cell: the strip and the run that the twin simulates, and the
+    operator's consent.
 
     The `plant` lies on the twin's desk instead of the strip. `index` is the number of
     runs that the strip on the desk has already been through; `agreed` whether an

@@ -1,5 +1,5 @@
-"""Devices of a cell with a Franka arm, real or emulated, whose poses the twin's strip
-follows.
+"""Devices of a cell with a Franka arm, real or emulated, whose poses the simulated
+strip follows.
 """
 
 from collections.abc import Sequence
@@ -43,8 +43,8 @@ CATCHING_UP = 0.02  # s per tick for strip and camera to catch up with a robot's
 def fci_devices(
     settings: CellFile, strip: StripFile, trial: Trial, *, calibrating: bool = False
 ) -> Devices:
-    """Devices of a cell whose arm is the robot at `fci.address`, else one emulated in
-    this process.
+    """Devices of a cell whose arm is the Franka robot at the configured address, or
+    without one a robot emulated in this process.
 
     The emulated one runs in lock-step; an arm at an address runs on its own time, and
     strip and camera keep up with it. While `calibrating` the desk is bare, and the twin
@@ -108,8 +108,8 @@ def _robot_devices(
     identity: str,
     servers: Sequence[RobotServer] = (),
 ) -> Devices:
-    """Devices of a robot and a `camera`; `servers` that emulate the robot are closed
-    with them.
+    """Devices of a cell with the robot's `arm` and `hand` and a `camera`; `servers`
+    that emulate the robot are closed with them.
     """
     return Devices(
         clock=clock,
@@ -154,8 +154,8 @@ def start_joints(
     length: float,
     limits: JointLimits = FR3,
 ) -> tuple[float, ...]:
-    """Start joints (7,) [rad] with most margin in a plain fold; ConfigurationError
-    without any.
+    """Start joints (7,) [rad] of a Franka arm that leave the most margin in a plain
+    fold of a strip of `length` [m]; ConfigurationError without any.
     """
     path, speeds = whole_path(length, installation, fold, triangle(length))
     reach = plan_reach(installation, path, speeds, limits=limits)
@@ -169,7 +169,9 @@ def start_joints(
 
 
 def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServer:
-    """Start an emulated robot in a thread, holding the strip on `desk` of the twin."""
+    """Start an emulated robot in a thread, whose hand can grasp the strip on the
+    simulated `desk`.
+    """
     stated = settings.fci
     installation = stated.limit(settings.installation)
     frame = installation.mounting.transform()
@@ -198,8 +200,8 @@ def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServe
 
 
 def _expect_thickness(settings: CellFile, strip: StripFile) -> CellFile:
-    """Settings of the cell whose hand counts an object as thick as `strip` as
-    grasped.
+    """Copy of the cell's settings, in which the hand counts an object as thick as
+    `strip` as grasped.
     """
     low, high = strip.spread.get("thickness", (strip.thickness, strip.thickness))
     hand = settings.fci.hand.for_thickness(low, high)

@@ -41,8 +41,8 @@ def whole_path(
     touch: Touch | None = None,
     goal: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Poses (n, 3) x, z [m], pitch [rad] of a fold, and speeds (n,) [m/s] of the moves
-    to each.
+    """Waypoints of the gripper in a fold: poses (n, 3), x, z [m] and pitch [rad], and
+    speeds (n,) [m/s] of the moves to each.
 
     From the home over the edge of a strip of `length` [m]; `carry` (k, 2) leads from
     the grasped edge to where the layers touch. Lay and retreat follow, after this
@@ -70,8 +70,8 @@ def whole_path(
 
 
 def approach_poses(length: float, fold: FoldSettings) -> tuple[Pose, ...]:
-    """Poses of the gripper from beside a strip of `length` [m], where it is looked at,
-    to its edge.
+    """Poses of the gripper from beside a strip of `length` [m], where the strip is
+    judged, to the strip's edge.
 
     The first one leaves the strip free to be judged; from beyond its edge the open
     fingers go down and over it.
@@ -86,15 +86,15 @@ def approach_poses(length: float, fold: FoldSettings) -> tuple[Pose, ...]:
 
 
 def taut_edge(touch: Touch) -> float:
-    """Position x [m] of the grasped edge if the upper layer lay taut from the `touch`
-    of the layers on.
+    """Position x [m] of the grasped edge if the upper layer lies taut from the layers'
+    `touch` on.
     """
     return touch.x - touch.to_grasped
 
 
 def edge_target(taut: float, goal: float) -> float:
-    """Target x [m] of the grasped edge: `goal`, within PULL of the `taut` upper
-    layer's end [m].
+    """Position x [m] at which the grasped edge is to lie: `goal`, but within PULL of
+    `taut`, where the upper layer ends.
 
     `goal` is 0, on the fixed edge, in a half fold, unless a learned correction of the
     camera's bias moves it.
@@ -121,7 +121,8 @@ class LayPlan(NamedTuple):
 def lay_plan(
     gripper: Pose, taut: float, layers: float, goal: float, fold: FoldSettings
 ) -> LayPlan:
-    """Lay of the edge of an upper layer that is `taut` up to x [m], to x = `goal` [m].
+    """Plan to lay the grasped edge down at x = `goal` [m], where the upper layer is
+    taut up to x = `taut` [m].
 
     The hand stays upright: its thick fingers never come between the layers, one of them
     holds the upper layer down. Straight to `lay_height` above where the edge comes
@@ -143,13 +144,15 @@ def lay_plan(
 
 
 def retreat(laid: Pose, fold: FoldSettings) -> Pose:
-    """Pose of the gripper straight above an edge let go at `laid`."""
+    """Pose of the gripper straight above the pose `laid` at which it let
+    the edge go.
+    """
     return Pose(laid.x, laid.z + 3 * fold.approach, laid.pitch)
 
 
 def triangle(length: float) -> Array:
-    """Path (k, 2) [m] of a plain fold: up over the strip's middle, down to its other
-    edge.
+    """Path (n, 2), x and z [m], of a plain fold of a strip of `length` [m]: up over its
+    middle, then down to its other edge.
     """
     corners = np.array(
         [(length, 0.0), (length / 2, length / 2), (NEAR_EDGE, NEAR_EDGE)]
@@ -160,8 +163,8 @@ def triangle(length: float) -> Array:
 
 
 def largest_speed(points: Array, limits: MotionLimits) -> float:
-    """Largest speed [m/s] at which an arm within `limits` follows the path `points` (n,
-    2) [m].
+    """Largest speed [m/s] at which an arm within `limits` can follow the path through
+    `points` (n, 2), x and z [m].
 
     At a constant speed v, the first, second and third derivative of the path by its
     length, times v, v^2 and v^3, are the velocity, acceleration and jerk that it asks
@@ -194,7 +197,9 @@ def largest_speed(points: Array, limits: MotionLimits) -> float:
 
 
 def _thin_out(points: Array) -> Array:
-    """Points of a path at least POINT_SPACING apart, the last one kept."""
+    """Points of a path, (n, 2) [m], each at least POINT_SPACING from the one kept
+    before; the last point is always kept.
+    """
     kept = [points[0]]
     for point in points[1:]:
         if lengths(point - kept[-1]) >= POINT_SPACING:

@@ -1,4 +1,4 @@
-"""Opening of the devices of a cell, with checks of what they need."""
+"""Opening of the devices of a cell, and checks of what these need."""
 
 import cv2
 
@@ -13,8 +13,8 @@ from drivers.strip.file import StripFile
 
 
 def check_drivers(settings: CellFile) -> None:
-    """Raise ConfigurationError where a library or setting of the cell's devices is
-    missing.
+    """Raise ConfigurationError where a library or a setting that the cell's devices
+    need is missing.
     """
     for driver in (settings.arm_driver, settings.camera_driver):
         if driver.library is not None:
@@ -29,7 +29,9 @@ def check_drivers(settings: CellFile) -> None:
 
 
 def check_calibrated(settings: CellFile) -> None:
-    """Raise ConfigurationError for a real camera without a calibration in cell.yaml."""
+    """Raise ConfigurationError for a cell with a real camera whose `settings` name no
+    calibration.
+    """
     if settings.camera_driver.real and settings.calibration is None:
         raise ConfigurationError(
             f"cell.yaml: calibration: is missing, camera {settings.drivers.camera}"
@@ -52,7 +54,7 @@ NO_STRIP = StripFile(
 def open_cell(
     settings: CellFile, strip: StripFile, trial: Trial, *, calibrating: bool
 ) -> Devices:
-    """Open the cell's devices; known errors of the rig are compensated unless
+    """Open the devices of the cell; known errors of the rig are compensated unless
     `calibrating`.
 
     On the twin without a plant file the plant equals the strip. Raises PreflightRefused

@@ -1,5 +1,5 @@
-"""Real camera of a cell: opening it, settings proposed for cell.yaml, a test
-picture.
+"""Real camera of a cell: opening it, proposing settings for cell.yaml, and taking a
+test picture.
 """
 
 from dataclasses import dataclass, replace
@@ -34,8 +34,8 @@ FIRST_FRAME_TIMEOUT = 5.0  # s that the first frame may take
 
 
 def camera_settings(settings: CellFile) -> Settings:
-    """Settings in cell.yaml of the cell's real camera; ConfigurationError for missing
-    or wrong.
+    """Settings of the cell's real camera, as cell.yaml states them; raises
+    ConfigurationError where they are missing or wrong.
 
     They are the section `camera` for V4L2, and `cameras: NAME` for the camera NAME of a
     plug-in.
@@ -65,7 +65,8 @@ def open_camera(settings: CellFile, clock: Clock) -> RealCamera:
 
 
 def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
-    """Copy of `devices` with the cell's real camera, on a clock that keeps real time.
+    """Copy of `devices` in which the camera is the cell's real one, on a clock that
+    keeps real time.
 
     The camera does not see the twin's world, so the truth is not used for scoring.
     """
@@ -87,7 +88,8 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
 
 @dataclass(frozen=True, slots=True)
 class Grab:
-    """Test picture of a camera, its setup, and statistics of the frames before it.
+    """Test picture of a camera, with the camera's setup and statistics of the frames
+    before it.
 
     `rate` [Hz] is measured by the stamps, `age` [s] from the middle of the exposure to
     arrival.
@@ -101,8 +103,8 @@ class Grab:
 
 
 def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
-    """Settings for `camera`, controls locked at their values; None where no mode can be
-    decoded.
+    """Settings proposed for `camera`, with its controls locked as they are; None where
+    no mode can be decoded.
     """
     modes = [
         mode for mode in camera.modes if mode.format in PREFERRED and not mode.steps
@@ -130,8 +132,8 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
 
 
 def grab(settings: V4l2Settings) -> Grab:
-    """Newest frame of a test of WATCHED seconds, with its statistics; CellError without
-    frames.
+    """Newest frame after watching a camera for WATCHED seconds, with statistics; raises
+    CellError without frames.
     """
     camera = V4l2Camera(settings, WallClock())
     try:
@@ -154,8 +156,8 @@ def grab(settings: V4l2Settings) -> Grab:
 
 
 def _next_frame(camera: V4l2Camera, after: float) -> CameraFrame:
-    """Next frame later than the stamp `after` [s]; raises CellError where none
-    comes.
+    """Next frame of `camera` stamped later than `after` [s]; raises CellError where
+    none comes.
     """
     frame = camera.read(after, FIRST_FRAME_TIMEOUT)
     if frame is None:
@@ -164,8 +166,8 @@ def _next_frame(camera: V4l2Camera, after: float) -> CameraFrame:
 
 
 def _suitability(mode: CameraMode) -> tuple[bool, bool, int, int]:
-    """Sort key of a camera mode, best last: fast, within BEST_MODE, near to it, easy to
-    decode.
+    """Key that sorts camera modes, best last: fast ones, within BEST_MODE, near to it,
+    and easy to decode.
     """
     width, height, rate = BEST_MODE
     fits = mode.width <= width and mode.height <= height

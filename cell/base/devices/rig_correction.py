@@ -1,5 +1,5 @@
-"""Compensation of the rig's known errors, such as a desk off its height or a tool
-offset.
+"""Compensation of known errors of the rig, such as a wrong height of the desk or an
+offset of the tool.
 """
 
 from dataclasses import replace
@@ -28,7 +28,8 @@ from drivers.strip.observation import (
 def corrected_calibration(
     calibration: Calibration, settings: CellFile, strip: StripFile
 ) -> Calibration:
-    """Copy of `calibration` that compensates the camera and desk effects of cell.yaml.
+    """Copy of `calibration` that compensates the effects of camera and desk that
+    cell.yaml states.
 
     Points lie on the true desk, stamps are true times. Without such effects the same
     object is returned; with some, a calibration with an id of its own and without
@@ -51,8 +52,8 @@ def corrected_calibration(
 
 
 def _measured_to_true(model: StripModel) -> Array:
-    """Matrix (3, 3) from measured to true points x, z [m] of the plane, homogeneous
-    coordinates.
+    """Homography (3, 3) that takes measured points x, z [m] of the strip's plane to the
+    true ones.
     """
     origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
     return np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
@@ -61,8 +62,8 @@ def _measured_to_true(model: StripModel) -> Array:
 def corrected_devices(
     devices: Devices, settings: CellFile, strip: StripFile
 ) -> Devices:
-    """Copy of `devices` whose arm reports true poses, the rig effects of cell.yaml
-    compensated.
+    """Copy of `devices` whose arm reports true poses, as the effects of the rig that
+    cell.yaml states are compensated.
     """
     rig = describe(strip, settings.effects).rig
     if rig == Rig():
@@ -71,7 +72,8 @@ def corrected_devices(
 
 
 class CorrectedArm:
-    """Arm that wraps another arm and compensates the known errors `rig` of its poses.
+    """Arm that wraps another arm and compensates the known errors `rig` of its reported
+    poses.
 
     States give the gripper's true pose over the true desk at their stamp; commanded
     poses are true ones. As in `drivers.strip.observation`, offsets grow from where
@@ -91,7 +93,9 @@ class CorrectedArm:
         self._arm.connect()
 
     def state(self) -> ArmState:
-        """Newest measured state of the arm, with the gripper's true pose."""
+        """Newest measured state of the arm, with the true pose of the gripper in place
+        of the reported one.
+        """
         measured = self._arm.state()
         true_pose = self._advance_offsets(measured)
         return replace(
@@ -121,8 +125,8 @@ class CorrectedArm:
         self._arm.close()
 
     def _advance_offsets(self, measured: ArmState) -> Array:
-        """True pose (3,) [m, m, rad] of a `measured` state; offsets grow from the grasp
-        on.
+        """True pose (3,) [m, m, rad] of the arm in the state `measured`, with offsets
+        that grow from the grasp on.
         """
         self._reports.add(measured)
         self._reported = self._at_stamp(measured)
@@ -131,8 +135,8 @@ class CorrectedArm:
         return self._offsets.advance(self._reported)
 
     def _at_stamp(self, measured: ArmState) -> Array:
-        """Reported pose (3,) [m, m, rad] at the stamp of `measured`, less the delay of
-        reports.
+        """Reported pose (3,) [m, m, rad] that belongs to the stamp of `measured`, as
+        reports come with a known delay.
 
         What the arm reports at t was true at t - delay. The future is extrapolated at
         the measured velocity.
@@ -147,8 +151,8 @@ class CorrectedArm:
         return self._reports.pose_at(measured.stamp + ahead).as_array()
 
     def _offset_velocity(self, rate: Velocity) -> Array:
-        """Velocity (3,) [m/s, m/s, rad/s] of the rig's offsets as the arm moves at
-        `rate`.
+        """Velocity (3,) [m/s, m/s, rad/s] at which the rig's offsets change as the arm
+        moves at `rate`.
         """
         start = self._offsets.start
         if start is None or not 0 < self._offsets.fraction < 1:
@@ -160,6 +164,6 @@ class CorrectedArm:
 
 
 def _sum(velocity: Velocity, more: Array) -> Velocity:
-    """Sum of `velocity` and `more` (3,) [m/s, m/s, rad/s]."""
+    """Sum of `velocity` and `more` (3,): x and z [m/s], pitch [rad/s]."""
     x, z, pitch = more.tolist()
     return Velocity(velocity.vx + x, velocity.vz + z, velocity.pitch_rate + pitch)

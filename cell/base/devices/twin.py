@@ -1,5 +1,5 @@
-"""Devices of the simulated cell (twin), its calibration aids, and its truth for
-scoring.
+"""Devices of the simulated cell (twin), its aids for calibration, and the strip's true
+state for scoring.
 """
 
 from collections.abc import Mapping
@@ -17,8 +17,8 @@ from drivers.twin.settings import TwinSettings
 
 
 class TwinCalibrationAids:
-    """Calibration aids on the twin: a board held before its camera, a pointer between
-    fingers.
+    """Calibration aids of the twin: a board held before its camera, and a pointer
+    between its fingers.
     """
 
     def __init__(self, twin: Twin | Desk, settings: CellFile, seed: int) -> None:
@@ -28,7 +28,9 @@ class TwinCalibrationAids:
         self._shown = 0
 
     def show_board(self, wanted: WantedView) -> Frame:
-        """Render an image of the calibration board held as `wanted`."""
+        """Render an image of the calibration board, held so that it appears in the
+        image as `wanted` states.
+        """
         camera = self.settings.twin.camera
         board = self.settings.boards.board()
         self._shown += 1
@@ -36,20 +38,22 @@ class TwinCalibrationAids:
         return board_frame(camera, board, pose, self.seed, sequence=self._shown)
 
     def hold_pointer(self, held: bool) -> None:
-        """Put the pointer between the twin's fingers if `held`, else remove it."""
+        """Put the pointer between the twin's fingers if `held` is true,
+        else remove it.
+        """
         self.twin.world.hold_pointer(held)
 
 
 @dataclass(frozen=True, slots=True)
 class TwinPlant:
-    """Ground truth of the strip `plant` on the twin, for the score of a run."""
+    """True state of the strip `plant` on the twin, by which a run is scored."""
 
     twin: Twin | Desk
     plant: StripFile
 
     def truth(self, origin: float, goal: float = 0.0) -> Mapping[str, Any]:
-        """True time [s] since `origin` and lengths [m] of the touch, edge offset [m],
-        plant.
+        """True time [s] since `origin` and lengths [m] of the layers' touch, edge
+        offset [m] and strip, by name; None for what did not happen.
         """
         world = self.twin.world
         touch = world.touch
@@ -69,8 +73,8 @@ class TwinPlant:
 def simulated(
     settings: CellFile, strip: StripFile, trial: Trial, *, calibrating: bool
 ) -> tuple[TwinSettings, StripFile]:
-    """Settings of the twin and the plant on its desk: of `trial`, else `strip` in this
-    cell.
+    """Settings of the twin, and the strip on its desk: that of `trial`, or else `strip`
+    with the cell's own effects.
 
     The plant has the effects of strip and rig. While `calibrating` the desk is bare.
     """
@@ -93,8 +97,8 @@ def twin_devices(
     calibrating: bool,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Devices:
-    """Devices of the twin, with the plant on its desk; no rig effects while
-    `calibrating`.
+    """Devices of the simulated cell with the strip on its desk; errors of the rig are
+    left out while `calibrating`.
 
     Without a plant file the twin equals the controller's model of strip and rig.
     """
