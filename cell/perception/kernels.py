@@ -1,5 +1,5 @@
-"""Compiled loops over pixels: changed cells, share of strip in each pixel, mask of the
-strip.
+"""Compiled loops over pixels: which cells have changed, how much strip is in each
+pixel, and the strip's mask.
 """
 
 from typing import Any, NamedTuple
@@ -16,16 +16,16 @@ LEVEL_SPAN = 160  # grey levels from there to all strip
 
 
 def smooth_matte(levels: Image) -> Image:
-    """Smooth `levels` (h, w), the grey levels of a matte of the strip, to half their
-    noise.
+    """Smooth `levels` (h, w), grey levels that state how much strip is in each pixel,
+    to half their noise.
     """
     smooth: Image = cv2.GaussianBlur(levels, (3, 3), 0)
     return smooth
 
 
 def strip_share(levels: Array | Image) -> Array:
-    """Convert grey levels (...,) of a matte to the fraction (...,) of each pixel that
-    shows strip, 0 to 1 and slightly beyond.
+    """Convert grey levels that state how much strip is in each pixel to fractions, 0 to
+    1 and slightly beyond, in the same shape.
     """
     return (np.asarray(levels, dtype=np.float64) - ZERO_LEVEL) / LEVEL_SPAN
 
@@ -278,8 +278,8 @@ def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> N
 
 @entry
 def segment(picture: LitImage, cells: Image, colours: Floats, variance: float) -> Image:
-    """Grey levels (CELL_PX n, CELL_PX m) of the strip's matte in those of n by m image
-    `cells` (n, m) that are not 0.
+    """Grey levels (CELL_PX n, CELL_PX m) that state how much strip is in each pixel, in
+    those of n by m image `cells` that are not 0.
 
     Other cells have ZERO_LEVEL. Of the strip's `colours` (k, 3) the one counts that a
     pixel shows most of; `variance` [grey levels squared] is the sensor's.
@@ -306,8 +306,8 @@ def segment(picture: LitImage, cells: Image, colours: Floats, variance: float) -
 
 @kernel
 def _lies_on_line(levels: Any, pixel: int, steps: Offsets, faint: int) -> bool:
-    """Whether the matte's `levels`, as a flat array, exceed `faint` in the mean over a
-    line of pixels through `pixel`.
+    """Whether `levels`, a flat image of how much strip is in each pixel, exceed `faint`
+    in the mean over a line of pixels through `pixel`.
 
     A line is a row of `steps` (k, n) from the pixel.
     """
@@ -324,7 +324,8 @@ def _lies_on_line(levels: Any, pixel: int, steps: Offsets, faint: int) -> bool:
 def silhouette_of(
     levels: Image, strip: Image, lifted: Image, lines: Offsets, solid: int, faint: int
 ) -> Image:
-    """Mask (h, w) of the strip, 255 inside, from matte `levels` (h + n - 1, w + n - 1).
+    """Mask (h, w) of the strip, 255 inside, from `levels` (h + n - 1, w + n - 1), which
+    state how much strip is in each pixel.
 
     In the zone `strip` where the levels exceed `solid`, in its part `lifted` also where
     their mean exceeds `faint` along one of `lines` (k, n, 2) of rows and columns. The

@@ -33,7 +33,7 @@ UNEVEN = 0.5
 @dataclass(frozen=True, slots=True)
 class Fall:
     """Falling fold in one image at `time` [s]: the `gap` [m] between its layers, and
-    the place `x` [m] of that gap.
+    the position `x` [m] of that gap.
 
     `to_grasped` [m] is the arc length from there along the upper layer to the gripper
     point.

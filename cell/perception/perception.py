@@ -348,8 +348,8 @@ class Perception:
     def _side_ends(
         self, contact: DeskContact, gripper: Pose, region: Region
     ) -> tuple[Array, FingerZone]:
-        """Ends of the strip's outer outline in the window: pixel (2,) of the contact,
-        and grip.
+        """Ends of the strip's outer outline in the image window: the pixel (2,) of the
+        desk contact, and the zone of the fingers.
         """
         tangent = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
         edge = self._outer_edge(gripper, tangent)

@@ -131,8 +131,8 @@ def _check_desk(segmenter: scene.Segmenter, desk: Array) -> PreflightCheck:
 def _check_solid(
     levels: Image, calibration: Calibration, strip: StripFile, rise: float
 ) -> PreflightCheck:
-    """Check whether every part of the strip stands out from the desk in the matte (h,
-    w).
+    """Check whether every part of the strip stands out from the desk in the image of
+    strip fractions (h, w).
 
     The strip's midline rests at a height `rise` [m].
     """
@@ -474,8 +474,8 @@ def _learn_scene(
 
 
 def _matte_of(segmenter: scene.Segmenter, image: Image) -> Image:
-    """Grey levels (h, w) of the strip's matte in the full `image` (h, w, 3), where no
-    hand hides the strip.
+    """Grey levels (h, w) that state how much strip is in each pixel of `image` (h, w,
+    3), where no hand hides the strip.
     """
     levels = np.full(image.shape[:2], ZERO_LEVEL, np.uint8)
     part, region = segmenter.levels(

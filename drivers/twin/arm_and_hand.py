@@ -50,7 +50,8 @@ class ExternalWrench:
 
 
 class TwinArm:
-    """Simulated arm, whose servo ticks at 1 kHz of simulated time.
+    """Simulated arm, whose servo advances a thousand times per second of simulated
+    time.
 
     Commands and measurements are converted to the robot's base and back, as on
     hardware. The servo runs from construction and holds the arm still until it is
@@ -106,7 +107,9 @@ class TwinArm:
         self._connected = True
 
     def state(self) -> ArmState:
-        """State of the arm that the servo measured at its newest tick."""
+        """State of the arm that the servo measured when it last advanced,
+        every 1 ms.
+        """
         profile = self._profile
         self._require_connection()
         return ArmState(
@@ -148,7 +151,7 @@ class TwinArm:
         self._closed = True
 
     def _tick(self, time: float) -> None:
-        """Advance the servo by one tick, at time `time` [s], and give the world the new
+        """Advance the servo by 1 ms to `time` [s], and give the simulated world the new
         pose.
         """
         self._stamp = time

@@ -149,7 +149,7 @@ def displaced_optics(
 
 
 class PacedCamera:
-    """Wrapper of a simulated camera that renders a frame in one control tick and
+    """Wrapper of a simulated camera that renders a frame in one call of `read`, and
     delivers it in the next.
 
     To render a frame and to measure the strip in it within one tick of the control loop
@@ -157,8 +157,8 @@ class PacedCamera:
     """
 
     def __init__(self, camera: Camera) -> None:
-        """Deliver the frames of the simulated `camera`, one tick after they are
-        rendered.
+        """Wrap the simulated `camera`, whose frames are delivered one call after they
+        are rendered.
         """
         self._camera = camera
         self._drawn: Frame | None = None
@@ -174,7 +174,8 @@ class PacedCamera:
         self._camera.connect()
 
     def read(self, after: float, timeout: float) -> Frame | None:
-        """Frame with a stamp later than `after` [s], None while it is rendered.
+        """Frame with a stamp later than `after` [s]; None where none has come, or the
+        newest has only been rendered.
 
         To render takes longer than a turn of the control loop may wait: a frame that
         has arrived is rendered in this call and delivered by the next one. A caller

@@ -1,1 +1,1 @@
-"""Chain engine, the twin's plant: a strip as hinged rigid links in MuJoCo."""
+"""Engine that simulates the twin's strip as a chain of hinged rigid links in MuJoCo."""

@@ -1,5 +1,5 @@
-"""Chain engine, the twin's plant: MuJoCo simulates strips as planar chains of hinged
-links, with an end in the grip's weld and ends that slide with friction.
+"""Engine of the twin: MuJoCo simulates strips as planar chains of hinged links, one end
+welded to the gripper, and ends that may slide with friction.
 """
 
 import math
@@ -49,18 +49,18 @@ class CommandedGrip:
 
     @classmethod
     def at_rest(cls, pose: Array) -> Self:
-        """Grip at rest at the gripper pose `pose` (3,) [m, m, rad]."""
+        """Gripper commanded to rest at `pose` (3,) [m, m, rad]."""
         return cls(pose, np.zeros(3))
 
     def to(self, pose: Array, h: float) -> Self:
-        """Grip at `pose` (3,) [m, m, rad], moving at the rate that brings it there from
-        here in `h` [s].
+        """Gripper commanded to `pose` (3,) [m, m, rad], at the rate that brings it
+        there from the present pose within `h` [s].
         """
         return type(self)(pose, (pose - self.pose) / h)
 
     def target(self, before: Self, h: float) -> Array:
-        """Weld target (3,) [m, m, rad] that puts the chain's tip at this grip after a
-        step `h` [s].
+        """Weld target (3,) [m, m, rad] that puts the chain's held end at the commanded
+        pose after a step of `h` [s].
 
         The weld obeys a + b v + k r = 0, with acceleration a, rate v and violation r
         (tip minus target) at the step's end; a tip on its commanded motion has r = -(a
@@ -154,8 +154,8 @@ class Slide:
 
 @dataclass(frozen=True, slots=True)
 class Ends:
-    """Sliding ends of a strip's chain, at the grip and the loose edge; None for an end
-    that does not slide.
+    """Sliding ends of a strip's chain, at the gripper and at the loose edge; None for
+    an end that does not slide.
 
     The grip slips under pull and not under compression. The loose edge slides both
     ways, held by `friction` times the normal force of the desk, `edge_weight` [N] of it
@@ -361,8 +361,8 @@ class ChainStrip:
             raise SimulationNotFinite("chain", self._time + h)
 
     def _within_reach(self, target: Array) -> Array:
-        """Target (3,) [m, m, rad] of the grip's weld, at most PULL beyond a taut
-        strip's reach.
+        """Copy of the weld's `target` (3,) [m, m, rad], moved to at most PULL beyond
+        where the gripper holds the strip taut.
 
         A weld with a larger violation pulls so hard that the solver loses the weight in
         rounding.

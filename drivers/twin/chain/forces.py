@@ -98,8 +98,8 @@ class Loads:
 
 
 class DahlFriction:
-    """Moment law of Dahl's friction elements of `limit` (n,) [N m] and `stiffness` (n,)
-    [N m/rad].
+    """Friction moments of Dahl's elements with the `limit` (n,) [N m] and the
+    `stiffness` (n,) [N m/rad].
 
     dM/dangle = stiffness (1 - s M / limit)^exponent, where s is the sign of the rate.
     Source: Dahl, Solid friction damping of mechanical vibrations, AIAA Journal 14(12),
@@ -143,8 +143,8 @@ def _decay(start: Array, x: Array, exponent: float) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """Properties of a chain that an extra force may read: strip model, lumps and
-    joints.
+    """Properties of a chain that an extra force may read: model of the strip,
+    coefficients of its links, indices of its joints.
     """
 
     model: StripModel
@@ -238,7 +238,9 @@ def resistance(parts: Parts, law: MomentLaw) -> ForceFunction:
 
 
 def _fifth_order(parts: Parts) -> ForceFunction:
-    """Extra force of the fifth-order term of the elastic bending law."""
+    """Extra force of the strip's elastic moment that grows with the fifth power of the
+    bend.
+    """
     lumps = parts.lumps.hinges
 
     def law(angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG001
@@ -249,7 +251,9 @@ def _fifth_order(parts: Parts) -> ForceFunction:
 
 
 def gradual_friction(parts: Parts) -> ForceFunction:
-    """Extra force of the yarns' friction without a yield point, by Dahl's law."""
+    """Extra force of friction between the yarns that sets in gradually, without a yield
+    point, after Dahl.
+    """
     lumps = parts.lumps.hinges
     return resistance(
         parts, DahlFriction(lumps.gradual_limit, lumps.gradual, exponent=1.0)
@@ -257,7 +261,7 @@ def gradual_friction(parts: Parts) -> ForceFunction:
 
 
 def strip_laws(model: StripModel) -> Sequence[ExtraForce]:
-    """Extra forces for the terms of the strip's bending law that MuJoCo's joints
+    """Extra forces for those terms of the strip's bending moment that MuJoCo's joints
     lack.
     """
     law = model.mechanics.law

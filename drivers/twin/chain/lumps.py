@@ -100,8 +100,8 @@ class HingeLumps:
 
 
 def _strip_share(stiffness: Array, grip_compliance: float) -> Array:
-    """Fraction s (n + 1,) of each hinge's angle that is the strip's own; below 1 only
-    at a compliant grip.
+    """Fraction (n + 1,) of each hinge's angle that the strip itself bends; below 1 only
+    where a compliant gripper bends with it.
 
     Under one moment angles add up, so that a hinge of `stiffness` K [N m/rad] in series
     with the compliance C [rad/(N m)] has s K with s = 1 / (1 + C K); then the strip's
@@ -169,8 +169,8 @@ class Lumps:
 
 
 def chain_nodes(length: float, links: int) -> Array:
-    """Arc lengths (links + 1,) [m] of a chain's nodes: equal links, shorter near the
-    grip.
+    """Arc lengths (links + 1,) [m] of the nodes of a chain of `links` links, shorter
+    ones near the gripper.
 
     For a blanket that slips in its grip, 200 equal links put the desk contact of a taut
     lift 29 mm from the rod's; these put it 9 mm away.

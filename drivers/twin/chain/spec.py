@@ -1,5 +1,5 @@
-"""MuJoCo model of a strip: a planar chain of hinges, with its layers, desk, grip and
-joints.
+"""MuJoCo model of a strip: a planar chain of hinges, with its layers, the desk, the
+gripper and the joints.
 """
 
 from dataclasses import dataclass
@@ -127,8 +127,8 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
 def compile_chain(
     model: StripModel, links: int, layers: Layers | None = None
 ) -> mujoco.MjModel:
-    """Compile the MuJoCo model of a strip's chain, with the stiffness of its grip
-    corrected.
+    """Compile the MuJoCo model of a strip's chain, with the stiffness of its hold in
+    the gripper corrected.
 
     MuJoCo softens a weld in proportion to how light the welded body is. The tip is
     nearly massless, so with the default its grip would sag by millimetres, and more
@@ -191,8 +191,8 @@ def _add_slide(
 def _add_hinge(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: int
 ) -> None:
-    """Add hinge number `node` to `body` with its bending law, and a tendon for the
-    friction of the yarns.
+    """Add hinge number `node` to `body` with its bending stiffness, and a tendon for
+    the friction of the yarns.
     """
     hinges = lumps.hinges
     name = f"{HINGE}{node}"

@@ -54,8 +54,8 @@ class ArmPort(Port[Command]):
         return None
 
     def publish(self, rate: float) -> None:
-        """Send the client the robot's state of this tick, then the replies due in this
-        tick.
+        """Send the client the robot's state of this tick of 1 ms, then the replies that
+        are due in it.
 
         `rate` is the fraction of commands that arrived in time.
         """
