@@ -107,8 +107,8 @@ def _bins(x: NDArray[np.floating]) -> NDArray[np.int32]:
 
 
 def shadow_profile(curve: ExposedMidline) -> Array:
-    """Darkness of the strip's shadow, 0 to 1, in each of BINS bins along x: the lower
-    the strip hangs, the darker.
+    """Darkness (BINS,) of the strip's shadow, 0 to 1, in each of BINS bins along x: the
+    lower the strip hangs, the darker.
     """
     x, z = curve.points.T
     darkness = np.zeros(BINS)
