@@ -1,8 +1,8 @@
 """Cell of minimal devices: ideal servo, hand without strip, camera that sees noise."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import nan, pi
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,7 +31,8 @@ from drivers.base.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose, 
 from drivers.twin.clock import Rank, TwinClock
 from policies.registry import make_policy
 
-LIMITS = Configs(CHECKOUT_CONFIGS).cell().installation.limits
+CONFIGS = Configs(CHECKOUT_CONFIGS)
+LIMITS = CONFIGS.cell().installation.limits
 AWAY = Velocity(-0.1, 0.05, 0.0)
 
 
@@ -40,7 +41,7 @@ class PlainArm:
 
     def __init__(self, clock: TwinClock) -> None:
         self._clock = clock
-        self.profile = MotionProfile(LIMITS, Workspace(), Pose(0.6, 0.1, math.pi / 2))
+        self.profile = MotionProfile(LIMITS, Workspace(), Pose(0.6, 0.1, pi / 2))
         self.commands: list[object] = []
         clock.every(TICK, lambda _: self.profile.tick(), Rank.SERVO)
 
@@ -136,8 +137,8 @@ class Bench:
     phases: dict | None = None
 
     def run(self) -> Outcome:
-        settings = Configs(CHECKOUT_CONFIGS).cell()
-        strip = Configs(CHECKOUT_CONFIGS).strip("denim")
+        settings = CONFIGS.cell()
+        strip = CONFIGS.strip("denim")
         reader = self.reader or InlineReader(SimpleNamespace(measure=result_of), 0.0)
         policy = make_policy("triangular")
         inputs = FoldInputs(settings.controller, strip, policy, None, reader=reader)
@@ -147,6 +148,11 @@ class Bench:
         watched = self.record, self.observers, self.interrupted
         doing = self.phases or phases()
         return ControlLoop(devices, inputs, FoldLog(), doing, *watched).execute()
+
+    @property
+    def now(self) -> float:
+        """Time [s] of its clock."""
+        return self.clock.now()
 
     @property
     def at_rest(self) -> bool:
@@ -180,6 +186,17 @@ def driving(*_):
         yield Drive(AWAY)
 
 
+def driven(ticks: int):
+    """Phase that drives away for so many `ticks`."""
+
+    def phase(*_):
+        for _ in range(ticks):
+            yield Drive(AWAY)
+        return Trigger.PATH_DONE
+
+    return phase
+
+
 def phases(**special) -> dict:
     plain = {
         State.PREFLIGHT: ending(Trigger.CHECKED),
@@ -190,14 +207,14 @@ def phases(**special) -> dict:
     return plain | {State(name): phase for name, phase in special.items()}
 
 
-POSE = Pose(0.4, 0.2, math.pi / 2)
+POSE = Pose(0.4, 0.2, pi / 2)
 ARM = ArmState(
     10.0, 10.0, "test", POSE, ZERO_VELOCITY, POSE, moving=True, expired=False
 )
 HAND = HandState(10.0, 10.0, "test", width=0.001, grasped=True, moving=False)
 FRAME = Frame(9.97, 9.99, "test", 7, np.zeros((2, 2, 3), np.uint8))
 SIGHT = StripMeasurement(
-    9.97, 7, 0.3, 1.0, np.zeros((3, 2)), 1.0, (0.5, 0.02), math.nan, math.nan
+    9.97, 7, 0.3, 1.0, np.zeros((3, 2)), 1.0, (0.5, 0.02), nan, nan
 )
 GOOD = Snapshot(
     time=10.0,

@@ -1,9 +1,11 @@
 """What a session with the board amounts to: poor ones are refused, with the reason."""
 
+from dataclasses import replace
+
 import pytest
 
 from calibration.board import BoardSettings
-from calibration.wizard.lens_verdict import LensVerdict, lens_verdict
+from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
 from tests.support.board_sessions import LENS, session
 
 SETTINGS = BoardSettings()
@@ -29,6 +31,11 @@ def test_good_session_passes_and_its_halves_agree() -> None:
     assert set(verdict.per_view) == set(range(13))
 
 
+def test_coefficient_that_a_board_hardly_shows_is_not_fitted() -> None:
+    fit = fit_views([*session(SETTINGS).values()], SIZE)
+    assert fit.lens.distortion[4] == 0.0
+
+
 def test_frontal_views_are_refused_though_their_rms_is_small() -> None:
     verdict = _verdict(lean=0.0)
     assert not verdict.passed
@@ -41,10 +48,7 @@ def test_frontal_views_are_refused_though_their_rms_is_small() -> None:
 def test_square_two_percent_wrong_is_seen_by_the_ruler_alone() -> None:
     wrong = SETTINGS.model_copy(update={"square": 1.02 * SETTINGS.square})
     views = session(SETTINGS)
-    scaled = {
-        k: type(view)(view.ids, 1.02 * view.board, view.image)
-        for k, view in views.items()
-    }
+    scaled = {k: replace(view, board=1.02 * view.board) for k, view in views.items()}
     blind = lens_verdict(scaled, SIZE, wrong.width, wrong)
     assert blind.passed
     verdict = lens_verdict(scaled, SIZE, SETTINGS.width, wrong)
@@ -87,7 +91,7 @@ def test_halves_of_two_cameras_are_refused() -> None:
     for number in across[1::2]:  # every other view, as the halves are
         view = views[number]
         shrunk = centre + 0.95 * (view.image - centre)
-        mixed[number] = type(view)(view.ids, view.board, shrunk)
+        mixed[number] = replace(view, image=shrunk)
     verdict = lens_verdict(mixed, SIZE, SETTINGS.width, SETTINGS)
     assert _says(verdict, "two halves of the views differ")
 

@@ -3,6 +3,7 @@ bit.
 """
 
 import shutil
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from drivers.base.errors import ConfigurationError
 from drivers.base.types import Frame
 from tests.support.foreign_tables import STAMPS, foreign, mapping
 from tests.support.refusals import refusal
+from tests.support.run_edits import edit_column, put
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +29,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
     folders = [foreign(place / name) for name in ("a", "b")]
     made = import_runs(folders, mapping(place), place / "runs")
     for folder in made:
+        edit_column(folder / "ticks.parquet", "f_x", put(9, np.nan))
         (folder / EVENTS).write_text('{"t": 0.5, "kind": "fault", "name": "late"}\n')
         film = FrameWriter(folder, "key", patient=True, encoder="libx264")
         for i, stamp in enumerate(STAMPS.tolist()):
@@ -38,13 +41,17 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
     return made
 
 
+def brought_back(runs: Sequence[Path], kind: Format, place: Path) -> tuple[Path, ...]:
+    """The `runs`, exported and imported again."""
+    exported = export_runs(runs, kind, place / "out")
+    return import_runs(exported, None, place / "back")
+
+
 @pytest.mark.parametrize("kind", ["csv", "lerobot", "mcap"])
 def test_exported_runs_come_back_bit_for_bit(
     runs, kind: Format, tmp_path: Path
 ) -> None:
-    made = import_runs(
-        export_runs(runs, kind, tmp_path / "out"), None, tmp_path / "back"
-    )
+    made = brought_back(runs, kind, tmp_path)
     for was, now in zip(map(read_run, runs), map(read_run, made), strict=True):
         assert (now.name, now.header, now.result) == (was.name, was.header, was.result)
         ticks, known = asdict(now.ticks), asdict(was.ticks)
@@ -62,9 +69,7 @@ def test_runs_of_two_strips_are_exported_where_each_states_its_own(
     folders = [runs[0], shutil.copytree(runs[1], tmp_path / "other")]
     head = folders[1] / "run.yaml"
     head.write_text(head.read_text().replace("denim", "linen"))
-    made = import_runs(
-        export_runs(folders, "lerobot", tmp_path / "out"), None, tmp_path / "back"
-    )
+    made = brought_back(folders, "lerobot", tmp_path)
     assert [read_run(folder).header.strip for folder in made] == ["denim", "linen"]
     with refusal("in strip, start or sigma"):
         export_runs(folders, "csv", tmp_path / "csv")

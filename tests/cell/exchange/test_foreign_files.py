@@ -45,9 +45,11 @@ def how(place: Path, file: str, names: tuple[str, ...], **change: Any) -> Path:
     return in_metres(place, ticks=table, profile=table, result=None)
 
 
-def bring(place: Path, path: Path, names: Any = "txz", file: str = "tip.csv") -> None:
+def bring(
+    place: Path, path: Path, names: Any = "txz", file: str = "tip.csv", **change: Any
+) -> None:
     """Import the motion that was written, t, x and z by their `names`: it comes back."""
-    mapping = how(place, file, tuple(names))
+    mapping = how(place, file, tuple(names), **change)
     right(import_runs([path], mapping, place / f"runs of {names[2]}"))
 
 
@@ -133,8 +135,7 @@ def mixed(path: Path, encodings: tuple[str, ...] = ("json", "json", "cbor")) -> 
 def test_messages_of_other_programs_are_read(tmp_path, write, names, change) -> None:
     path = tmp_path / "a.mcap"
     write(path)
-    mapping = how(tmp_path, "/tip", names, **change)
-    right(import_runs([path], mapping, tmp_path / "runs"))
+    bring(tmp_path, path, names, "/tip", **change)
 
 
 def test_an_encoding_that_is_not_read_is_named(tmp_path: Path) -> None:
@@ -147,17 +148,16 @@ def test_an_encoding_that_is_not_read_is_named(tmp_path: Path) -> None:
 def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) -> None:
     made = import_runs([plain(tmp_path / "a")], in_metres(tmp_path), tmp_path / "runs")
     [root] = export_runs(made, "lerobot", tmp_path / "out")
-    info = json.loads((root / "meta/info.json").read_text())
+    about = root / "meta/info.json"
+    info = json.loads(about.read_text())
     info["data_path"] = "frames-{file_index:04d}-{chunk_index}.parquet"
     motors = ["shoulder_lift.pos", "elbow_flex.pos"]
     info["features"]["observation.state"]["names"] = {"motors": motors}
-    (root / "meta/info.json").write_text(json.dumps(info))
+    about.write_text(json.dumps(info))
     (root / "data/chunk-000/file-000.parquet").rename(root / "frames-0000-0.parquet")
     names = ("timestamp", *(f"observation.state.{motor}" for motor in motors))
     bring(tmp_path, root, names, "episode")
-    (root / "meta/info.json").write_text(
-        json.dumps(info | {"data_path": "../{file_index}"})
-    )
+    about.write_text(json.dumps(info | {"data_path": "../{file_index}"}))
     with refusal("leads out of the data set"):
         import_runs([root], how(tmp_path, "episode", names), tmp_path / "again")
     info["features"]["../../film"] = {"dtype": "video"}
@@ -172,9 +172,16 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
         (episodes, {"stamp": 1}, r"info\.json: features: "),
     ):
         pq.write_table(rows, root / "meta/episodes/chunk-000/file-000.parquet")
-        (root / "meta/info.json").write_text(json.dumps(info | {"features": features}))
+        about.write_text(json.dumps(info | {"features": features}))
         with refusal(match):
             import_runs([root], how(tmp_path, "episode", names), tmp_path / "again")
+
+
+def test_data_set_of_an_older_version_is_refused_with_its_conversion(tmp_path) -> None:
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta/info.json").write_text('{"codebase_version": "v2.1"}')
+    with refusal(r"is 'v2\.1', must be v3\.x; convert it"):
+        bring(tmp_path, tmp_path, file="episode")
 
 
 @pytest.mark.parametrize(

@@ -13,13 +13,19 @@ import cell.orchestrator.run as orchestrator
 from cell.orchestrator.run import time_limit
 from cell.orchestrator.safe_stop import run_suppressed
 from cell.orchestrator.snapshot import Drive, Snapshot
-from cell.orchestrator.states import State, Trigger
+from cell.orchestrator.states import State
 from cell.perception.image_reader import ImageResult, ImageTask
 from drivers.base.errors import Fault
-from drivers.base.types import Pose, Velocity
-from tests.support.plain_cell import Bench, phases, plain_bench, result_of
-
-AWAY = Velocity(-0.1, 0.05, 0.0)
+from drivers.base.types import Pose
+from tests.support.plain_cell import (
+    AWAY,
+    Bench,
+    driven,
+    driving,
+    phases,
+    plain_bench,
+    result_of,
+)
 
 
 class LateReader:
@@ -51,17 +57,8 @@ class LateReader:
         return replace(seen, shift=next(self.shifts))
 
 
-def driving(ticks: int):
-    def phase(*_):
-        for _ in range(ticks):
-            yield Drive(AWAY)
-        return Trigger.PATH_DONE
-
-    return phase
-
-
 def folding(bench: Bench, reader: LateReader, fold=None) -> list[Snapshot]:
-    bench.reader, bench.phases, seen = reader, phases(FOLD=fold or driving(100)), []
+    bench.reader, bench.phases, seen = reader, phases(FOLD=fold or driven(100)), []
     bench.observers = (
         SimpleNamespace(handle_tick=seen.append, handle_event=lambda *_: None),
     )
@@ -114,11 +111,9 @@ def test_a_reader_that_dies_stops_the_arm_at_the_next_tick(bench) -> None:
     reader = LateReader(1)
 
     def dying(*_):
-        for _ in range(30):
-            yield Drive(AWAY)
+        yield from driven(30)()
         reader.failure = "the process for images has ended"
-        while True:
-            yield Drive(AWAY)
+        yield from driving()
 
     folding(bench, reader, dying)
     outcome = bench.run()

@@ -1,7 +1,7 @@
 """The lay, driven tick by tick by an arm that does what it is told."""
 
-import math
 from dataclasses import replace
+from math import hypot, nan
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ from cell.perception.strip_measurement import SeenTouch
 from drivers.base.types import Pose, Velocity
 from drivers.franka.shapes import ROOM, TIP_AHEAD
 from policies.path import Path
-from tests.support.plain_cell import GOOD, phases, plain_bench
+from tests.support.plain_cell import of_arm, phases, plain_bench
 
 TICK, LAG, REST, SPEED = 0.01, 0.1, 0.0079, 0.1  # s, s, m, m/s
 FOLD = FoldSettings()
@@ -35,17 +35,16 @@ def driven(start: tuple[float, float]) -> tuple[list[Velocity], Pose]:
     arm that trails by LAG, and where it was commanded last.
     """
     at = Pose(*start, HANGING)
-    begin = replace(GOOD, arm=replace(GOOD.arm, pose=at, commanded=at))
     plan = LayPlan(Path.through(np.array([start, (0.0, REST)])), 0.0)
-    lay = follow_lay(plan, SPEED, begin)
+    lay = follow_lay(plan, SPEED, of_arm(pose=at, commanded=at))
     command, told, commanded, measured = next(lay), [], *2 * [at.as_array()]
     while isinstance(command, Drive):
         told.append(command.velocity)
         commanded = commanded + TICK * np.array([*command.velocity])
         measured = measured + TICK / LAG * (commanded - measured)
-        arm = replace(GOOD.arm, pose=Pose(*measured), commanded=Pose(*commanded))
-        command = lay.send(replace(begin, arm=arm))
-    return told[1:], arm.commanded  # the first one is that of the fold
+        shown = of_arm(pose=Pose(*measured), commanded=Pose(*commanded))
+        command = lay.send(shown)
+    return told[1:], shown.arm.commanded  # the first one is that of the fold
 
 
 @pytest.mark.parametrize("start", [(0.2, 0.24), (0.038, 0.038)], ids=["long", "short"])
@@ -53,7 +52,7 @@ def test_lay_ends_slowly_at_its_end_with_the_hand_upright(
     start: tuple[float, float],
 ) -> None:
     told, end = driven(start)
-    speeds = [math.hypot(v.vx, v.vz) for v in told]
+    speeds = [hypot(v.vx, v.vz) for v in told]
     assert max(speeds) <= SPEED + 1e-9
     # m, in which it could stop after one more tick
     assert speeds[-1] ** 2 / (2 * BRAKING) < 1e-3 + TICK * speeds[-1]
@@ -136,7 +135,7 @@ def test_edge_is_let_go_before_the_hand_leaves_straight_up(monkeypatch) -> None:
             [0.004, -0.001, 0.005],
             0.0,
         ),  # the fold is drawn
-        ([0.004, math.nan], [0.004], 0.0),
+        ([0.004, nan], [0.004], 0.0),
     ],
 )
 def test_edge_is_pushed_until_the_camera_sees_it_at_its_place(

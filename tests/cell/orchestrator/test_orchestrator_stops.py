@@ -1,10 +1,10 @@
 """Whatever goes wrong in a run, the arm is brought to rest before the run is over."""
 
 import itertools
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from math import inf, nan, pi
 from types import SimpleNamespace
 
 import pytest
@@ -22,7 +22,7 @@ from cell.orchestrator.states import State, Trigger
 from cell.orchestrator.steps import close_hand, move, open_hand, wait_for
 from drivers.base.errors import Fault
 from drivers.base.types import ArmState, Frame, Pose, Velocity
-from tests.support.plain_cell import AWAY, Bench, ending, phases, plain_bench
+from tests.support.plain_cell import AWAY, Bench, driven, ending, phases, plain_bench
 
 BEGIN = 0.5  # s, from when on things go wrong
 
@@ -33,12 +33,12 @@ def bench() -> Bench:
 
 
 def later(
-    bench: Bench, act: Callable, *, until=math.inf, error=ZeroDivisionError
+    bench: Bench, act: Callable, *, until=inf, error=ZeroDivisionError
 ) -> Callable:
     """`act`, but between BEGIN and `until` it fails in a way that nobody foresaw."""
 
     def failing(*arguments, **options):
-        if BEGIN < bench.clock.now() < until:
+        if BEGIN < bench.now < until:
             raise error("nobody foresaw this")
         return act(*arguments, **options)
 
@@ -56,7 +56,7 @@ def break_parts(bench: Bench, parts: Mapping[str, float]) -> None:
 
 
 def break_camera(bench: Bench) -> None:
-    break_parts(bench, {"camera.read": math.inf})
+    break_parts(bench, {"camera.read": inf})
 
 
 def break_clock_for_a_while(bench: Bench) -> None:
@@ -64,7 +64,7 @@ def break_clock_for_a_while(bench: Bench) -> None:
 
     def limping(time: float) -> None:
         wait_until(time)
-        if BEGIN < bench.clock.now() < BEGIN + 0.2:
+        if BEGIN < bench.now < BEGIN + 0.2:
             raise ZeroDivisionError("nobody foresaw this")
 
     bench.clock.wait_until = limping
@@ -74,11 +74,11 @@ def break_clock_for_a_while(bench: Bench) -> None:
     "breaks",
     [
         break_camera,
-        partial(break_parts, parts={"hand.state": math.inf, "hand.stop": math.inf}),
-        partial(break_parts, parts={"record.tick": math.inf}),
+        partial(break_parts, parts={"hand.state": inf, "hand.stop": inf}),
+        partial(break_parts, parts={"record.tick": inf}),
         partial(
             break_parts,
-            parts={f"record.{p}": math.inf for p in ("tick", "event", "frame")},
+            parts={f"record.{p}": inf for p in ("tick", "event", "frame")},
         ),
         partial(break_parts, parts={"arm.state": 0.3}),
         break_clock_for_a_while,
@@ -95,7 +95,7 @@ def test_the_arm_rests_before_the_run_is_over_whatever_fails(bench, breaks) -> N
     assert "nobody foresaw this" in outcome.reason
     assert outcome.exit_code == 4
     assert bench.at_rest
-    assert bench.clock.now() < BEGIN + 1.1
+    assert bench.now < BEGIN + 1.1
 
 
 def test_an_arm_that_creeps_where_it_was_commanded_does_not_rest_yet(bench) -> None:
@@ -104,12 +104,12 @@ def test_an_arm_that_creeps_where_it_was_commanded_does_not_rest_yet(bench) -> N
 
     def creeping() -> ArmState:
         now = state()
-        still = now.moving or bench.clock.now() >= settled
+        still = now.moving or bench.now >= settled
         return now if still else replace(now, velocity=Velocity(0.002, 0.0, 0.0))
 
     bench.arm.state = creeping
     assert bench.run().name == "internal_error"
-    assert settled <= bench.clock.now() < settled + 0.1
+    assert settled <= bench.now < settled + 0.1
 
 
 def test_an_arm_that_never_answers_again_is_stopped_repeatedly_until_its_time_is_over(
@@ -120,14 +120,14 @@ def test_an_arm_that_never_answers_again_is_stopped_repeatedly_until_its_time_is
     assert outcome.exit_code == 4
     stops = [command for command in bench.arm.commands if isinstance(command, Hold)]
     assert len(stops) > 90
-    assert bench.clock.now() == pytest.approx(BEGIN + 1.0, abs=0.05)
+    assert bench.now == pytest.approx(BEGIN + 1.0, abs=0.05)
 
 
 def test_a_resting_arm_that_no_stop_has_reached_is_stopped_again(bench) -> None:
     bench.phases = phases(FOLD=lambda *_: wait_for(lambda _: False))
-    break_parts(bench, {"camera.read": math.inf, "arm.stop": 0.3})
+    break_parts(bench, {"camera.read": inf, "arm.stop": 0.3})
     assert bench.run().exit_code == 4
-    assert BEGIN + 0.3 <= bench.clock.now() < BEGIN + 0.4
+    assert BEGIN + 0.3 <= bench.now < BEGIN + 0.4
 
 
 def test_a_first_look_that_fails_is_an_outcome_and_no_error(bench) -> None:
@@ -138,30 +138,22 @@ def test_a_first_look_that_fails_is_an_outcome_and_no_error(bench) -> None:
     assert bench.run().name == "arm_closed"
 
 
-@pytest.mark.parametrize("velocity", [math.nan, math.inf, 3.0])
+@pytest.mark.parametrize("velocity", [nan, inf, 3.0])
 def test_a_velocity_that_no_arm_may_follow_stops_the_arm(bench, velocity) -> None:
     def runaway(*_):
-        for _ in range(30):
-            yield Drive(AWAY)
+        yield from driven(30)()
         while True:
             yield Drive(Velocity(velocity, 0.0, 0.0))
 
     bench.phases = phases(FOLD=runaway)
     assert bench.run().name == "command_refused"
     assert bench.at_rest
-    driven = [
-        command.velocity for command in bench.arm.commands if isinstance(command, Drive)
-    ]
-    assert set(driven) == {AWAY}
+    drives = [c for c in bench.arm.commands if isinstance(c, Drive)]
+    assert {command.velocity for command in drives} == {AWAY}
 
 
 def test_a_path_that_ends_in_motion_ends_at_rest(bench) -> None:
-    def short(*_):
-        for _ in range(50):
-            yield Drive(AWAY)
-        return Trigger.PATH_DONE
-
-    bench.phases = phases(FOLD=short)
+    bench.phases = phases(FOLD=driven(50))
     outcome = bench.run()
     assert (outcome.name, outcome.exit_code) == ("path_done", 1)
     assert bench.at_rest
@@ -184,11 +176,11 @@ def test_what_was_sent_before_a_velocity_is_sent_again_after_it(bench) -> None:
 
 
 def test_interrupting_stops_within_the_limits_of_the_motion(bench) -> None:
-    bench.interrupted = lambda: bench.clock.now() > BEGIN
+    bench.interrupted = lambda: bench.now > BEGIN
     outcome = bench.run()
     assert (outcome.name, outcome.exit_code) == ("interrupted", 130)
     assert bench.at_rest
-    assert bench.clock.now() - BEGIN < 0.15
+    assert bench.now - BEGIN < 0.15
 
 
 def test_an_observer_that_fails_holds_nothing_up(bench) -> None:
@@ -242,17 +234,12 @@ def test_every_command_is_checked_before_it_is_sent(bench, monkeypatch) -> None:
 
     def grasping(*_):
         yield from open_hand()
-        yield from move(Pose(0.55, 0.1, math.pi / 2))
+        yield from move(Pose(0.55, 0.1, pi / 2))
         yield from close_hand()
         return Trigger.GRASPED
 
-    def short(*_):
-        for _ in range(5):
-            yield Drive(AWAY)
-        return Trigger.PATH_DONE
-
     monkeypatch.setattr(orchestrator, "check_all", checking)
-    bench.phases = phases(GRASP=grasping, FOLD=short)
+    bench.phases = phases(GRASP=grasping, FOLD=driven(5))
     sent: list[object] = []
     for device, names in (
         (bench.arm, ("move_to", "set_velocity")),
@@ -312,7 +299,7 @@ def test_images_and_arm_states_of_the_future_are_refused(bench) -> None:
 
     def ahead(after: float, timeout: float) -> Frame | None:
         frame = read(after, timeout)
-        late = bench.clock.now() > BEGIN and frame is not None
+        late = bench.now > BEGIN and frame is not None
         return replace(frame, stamp=frame.stamp + 30.0) if late else frame
 
     bench.camera.read = ahead
@@ -332,8 +319,7 @@ def test_a_loop_that_is_late_still_brakes_in_whole_cycles(bench) -> None:
             inner.wait_until(time - late[0])
 
     def stalls(*_):
-        for _ in range(50):
-            yield Drive(AWAY)
+        yield from driven(50)()
         late[0] = 30.0
         raise Fault("stalled", "nobody foresaw this")
 

@@ -16,9 +16,11 @@ from drivers.base.types import ZERO_VELOCITY, Frame, Pose, Velocity
 from tests.support.plain_cell import FRAME, Bench, phases, plain_bench, showing
 
 LIMITS = MonitorLimits()
+AGE, WAIT = LIMITS.image_age, LIMITS.image_wait
 BEGIN, DRIVEN = 0.5, 1.8  # s, from when on images are lost: in a move, in a drive
 FAST = Velocity(-0.1, 0.05, 0.2)
 PLACE = Pose(0.4, 0.1, math.pi / 2)
+DRIVE, MOVE = Drive(FAST), MoveTo(PLACE)
 STANDS = Drive(ZERO_VELOCITY)
 BRAKES = 0.1  # s in which an arm at 0.11 m/s rests
 
@@ -28,40 +30,37 @@ def aged(age: float, state: State = State.FOLD):
 
 
 def test_usual_images_change_no_command() -> None:
-    for command in (Drive(FAST), MoveTo(PLACE), Hold()):
-        assert (
-            slow_for_images(command, aged(0.99 * USUAL_AGE * LIMITS.image_age), LIMITS)
-            == command
-        )
+    for command in (DRIVE, MOVE, Hold()):
+        assert slow_for_images(command, aged(0.99 * USUAL_AGE * AGE), LIMITS) == command
 
 
 @pytest.mark.parametrize("state", [State.LIFT, State.FOLD, State.LAY])
 def test_drive_slows_down_in_proportion_and_stands_at_the_limit(state: State) -> None:
-    middle = slow_for_images(
-        Drive(FAST), aged((1.0 + USUAL_AGE) / 2 * LIMITS.image_age, state), LIMITS
-    )
+    middle = slow_for_images(DRIVE, aged((1.0 + USUAL_AGE) / 2 * AGE, state), LIMITS)
     assert isinstance(middle, Drive)
     assert middle.velocity.vx == pytest.approx(FAST.vx / 2)
     assert middle.velocity.pitch_rate == pytest.approx(FAST.pitch_rate / 2)
-    stands = slow_for_images(Drive(FAST), aged(1.1 * LIMITS.image_age, state), LIMITS)
+    stands = slow_for_images(DRIVE, aged(1.1 * AGE, state), LIMITS)
     assert stands == STANDS
 
 
 def test_move_is_held_at_the_limit_and_fingers_are_not() -> None:
-    old = aged(1.1 * LIMITS.image_age, State.GRASP)
-    assert slow_for_images(MoveTo(PLACE), old, LIMITS) == Hold()
+    old = aged(1.1 * AGE, State.GRASP)
+    assert slow_for_images(MOVE, old, LIMITS) == Hold()
     assert slow_for_images(CloseHand(), old, LIMITS) == CloseHand()
 
 
+def test_move_is_held_while_the_newest_image_repeats_the_one_before() -> None:
+    assert slow_for_images(MOVE, showing(identical=2), LIMITS) == Hold()
+
+
 def test_where_no_image_is_needed_their_age_does_not_count() -> None:
-    assert slow_for_images(MoveTo(PLACE), aged(9.0, State.PREFLIGHT), LIMITS) == MoveTo(
-        PLACE
-    )
+    assert slow_for_images(MOVE, aged(9.0, State.PREFLIGHT), LIMITS) == MoveTo(PLACE)
 
 
 def drives(*_):
     for _ in range(200):
-        yield Drive(FAST)
+        yield DRIVE
     return Trigger.PATH_DONE
 
 
@@ -76,10 +75,10 @@ def bench() -> Bench:
 
 
 def lose_images(bench: Bench, begin: float, seconds: float) -> None:
-    read, clock = bench.camera.read, bench.clock
+    read = bench.camera.read
 
     def losing(after: float, timeout: float) -> Frame | None:
-        lost = begin <= clock.now() < begin + seconds
+        lost = begin <= bench.now < begin + seconds
         return None if lost else read(after, timeout)
 
     bench.camera.read = losing
@@ -88,7 +87,7 @@ def lose_images(bench: Bench, begin: float, seconds: float) -> None:
 @pytest.mark.parametrize("begin", [BEGIN, DRIVEN], ids=["moved", "driven"])
 def test_gap_is_waited_for_at_rest_and_the_run_goes_on(bench, begin: float) -> None:
     rested: list[bool] = []
-    lose_images(bench, begin, LIMITS.image_age + 0.9 * LIMITS.image_wait)
+    lose_images(bench, begin, AGE + 0.9 * WAIT)
     bench.observers = (Watch(bench, rested),)
     assert bench.run().name == "path_done"
     assert rested
@@ -105,23 +104,23 @@ def test_camera_that_is_gone_ends_the_run_with_an_arm_that_already_stands(
     assert outcome.name == "image_stale"
     assert "waited" in outcome.reason
     assert rested[-1]
-    ended = bench.clock.now() - DRIVEN - LIMITS.image_age
-    assert 0.0 < ended < LIMITS.image_wait + 0.5
+    ended = bench.now - DRIVEN - AGE
+    assert 0.0 < ended < WAIT + 0.5
     assert bench.at_rest
 
 
 def test_images_that_are_always_too_old_end_the_run(bench) -> None:
-    read, clock = bench.camera.read, bench.clock
+    read = bench.camera.read
 
     def late(after: float, timeout: float) -> Frame | None:
         frame = read(-1.0, timeout)
-        if frame is None or clock.now() < BEGIN:
+        if frame is None or bench.now < BEGIN:
             return frame
-        return replace(frame, stamp=clock.now() - 1.2 * LIMITS.image_age)
+        return replace(frame, stamp=bench.now - 1.2 * AGE)
 
     bench.camera.read = late
     assert bench.run().name == "image_stale"
-    assert clock.now() < BEGIN + 1.0
+    assert bench.now < BEGIN + 1.0
 
 
 class Watch:
@@ -143,17 +142,17 @@ class Watch:
 
 @pytest.mark.parametrize("doubt", [{"doubtful_since": 9.99}, {"moved": 1}])
 def test_image_that_cannot_be_read_does_not_hold_the_arm(doubt) -> None:
-    assert slow_for_images(Drive(FAST), showing(**doubt), LIMITS) == Drive(FAST)
+    assert slow_for_images(DRIVE, showing(**doubt), LIMITS) == DRIVE
 
 
 def show(bench: Bench, content: Callable[[int], int]) -> None:
     """Twenty images a second, the n-th of the drive as grey as `content` of n says."""
-    read, clock = bench.camera.read, bench.clock
+    read = bench.camera.read
     shown: list[Frame] = []
 
     def showing(after: float, timeout: float) -> Frame | None:
         frame = read(after, timeout)
-        if frame is None or clock.now() < DRIVEN:
+        if frame is None or bench.now < DRIVEN:
             return frame
         if shown and frame.stamp < shown[-1].stamp + 0.0499:
             return None

@@ -11,7 +11,7 @@ from cell.orchestrator.context import FoldInputs, FoldLog
 from cell.orchestrator.states import Trigger
 from cell.orchestrator.steps import StillPicture
 from cell.perception.preflight import CAMERA_WATCHED, UNWATCHED, PreflightCheck
-from drivers.base.types import Frame
+from drivers.base.types import Frame, Pose
 from policies.policy import Decision
 from policies.registry import make_policy
 from tests.support.made_folds import BELIEF, Notes
@@ -32,6 +32,13 @@ def at_once(value: object):
     return step
 
 
+@pytest.fixture(autouse=True)
+def pictured(monkeypatch) -> None:
+    """A picture is there at once."""
+    picture = at_once(StillPicture(1.0, FRAME, POSE))
+    monkeypatch.setattr(phases.steps, "still_picture", picture)
+
+
 @pytest.mark.parametrize("name", [CAMERA_WATCHED, UNWATCHED])
 def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
     monkeypatch, name: str
@@ -39,9 +46,6 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
     found = PreflightCheck(name, True, "1 place, 2 are needed", "put something there")
     monkeypatch.setattr(phases, "_camera_checks", at_once(()))
     monkeypatch.setattr(phases.steps, "move", at_once(GOOD))
-    monkeypatch.setattr(
-        phases.steps, "still_picture", at_once(StillPicture(1.0, FRAME, POSE))
-    )
     monkeypatch.setattr(phases, "_inspect", at_once((found,)))
     given = (CELL.controller, DENIM, make_policy("triangular"), None)
     inputs, log = FoldInputs(*given, reader=None), FoldLog()
@@ -54,6 +58,22 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
     assert ("camera_unwatched" in kinds) == (name == UNWATCHED)
     said = "1 place, 2 are needed; put something there" if name == UNWATCHED else ""
     assert log.warning == said
+
+
+def test_arm_goes_back_from_the_landmarks_as_it_came(monkeypatch) -> None:
+    moved: list[Pose] = []
+    monkeypatch.setattr(phases.steps, "open_hand", at_once(None))
+    monkeypatch.setattr(phases.steps, "move", lambda pose: moved.append(pose) or ())
+    monkeypatch.setattr(phases, "check_camera", lambda *_: None)
+    landmarks = SimpleNamespace(pitch=0.4, pose=POSE)
+    calibration = SimpleNamespace(landmarks=landmarks)
+    given = FoldInputs(CELL.controller, DENIM, None, calibration, reader=None)
+    checks = phases._camera_checks(given)
+    next(checks)
+    with pytest.raises(StopIteration):
+        checks.send(GOOD)
+    turned, _, back, end = moved
+    assert (back, end) == (turned, GOOD.arm.commanded)
 
 
 def test_every_prediction_is_recorded_and_where_it_loses_sight_and_sees_again() -> None:

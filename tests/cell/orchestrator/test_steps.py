@@ -1,7 +1,5 @@
 """Commands that phases give."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ from cell.orchestrator.steps import TURNING, drive, is_at
 from drivers.base.installation import Installation
 from drivers.base.types import Pose
 from policies.policy import Decision
-from tests.support.plain_cell import ARM, GOOD, POSE
+from tests.support.plain_cell import GOOD, POSE, of_arm
 
 
 @pytest.mark.parametrize("asked", [-9.0, -2.0, 0.0, 1.6, 2.7, 9.0])
@@ -24,7 +22,7 @@ def test_no_correction_of_the_pitch_asks_for_more_than_an_arm_gives(
 
 @pytest.mark.parametrize("axis", range(3))
 def test_arm_is_at_a_pose_where_it_rests_on_every_axis_of_it(axis: int) -> None:
-    rested = replace(GOOD, arm=replace(ARM, moving=False))
+    rested = of_arm(moving=False)
     assert is_at(rested, POSE)
     assert not is_at(GOOD, POSE)
     for off in (0.01, -0.01):

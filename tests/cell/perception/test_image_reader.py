@@ -43,6 +43,10 @@ def image(value: int, sequence: int = 7) -> Frame:
     return Frame(1.5, 1.52, "made", sequence, np.full((4, 6, 3), value, np.uint8))
 
 
+def hand_over(process: ProcessReader, value: int, *, touches: bool = False) -> None:
+    process.submit(ImageTask(image(value), POSE, touches), 3.0)
+
+
 def awaited(look: Callable):
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
@@ -54,7 +58,7 @@ def awaited(look: Callable):
 
 @pytest.mark.parametrize("touches", [False, True])
 def test_what_the_process_sees_is_what_the_loop_gets(process, touches) -> None:
-    process.submit(ImageTask(image(40), POSE, touches), 3.0)
+    hand_over(process, 40, touches=touches)
     assert process.busy_since == 3.0
     found = awaited(process.result)
     here = PlainSight(None).measure(image(40), POSE, touches=touches)
@@ -65,7 +69,7 @@ def test_what_the_process_sees_is_what_the_loop_gets(process, touches) -> None:
 
 def test_an_answer_is_given_once_and_not_before_it_is_asked_for(process) -> None:
     assert process.result() is None
-    process.submit(ImageTask(image(0), POSE, False), 3.0)
+    hand_over(process, 0)
     assert len(awaited(process.result).measurement.profile) == 0
     assert process.result() is None
 
@@ -82,18 +86,22 @@ def test_an_image_of_another_size_is_refused_before_it_is_handed_over(process) -
     assert process.busy_since is None
 
 
+def failure_of(process: ProcessReader) -> str:
+    awaited(lambda: process.result() or process.failure or None)
+    return process.failure
+
+
 def kill(process: ProcessReader) -> None:
     """Kill the process, whose end must be told."""
     os.kill(process._child.pid, signal.SIGKILL)
-    awaited(lambda: process.result() or process.failure or None)
-    assert "ended" in process.failure
+    assert "ended" in failure_of(process)
     process.close()
 
 
 @pytest.mark.slow
 def test_a_process_that_hangs_keeps_its_image_and_one_that_is_killed_is_dead() -> None:
     process = started()
-    process.submit(ImageTask(image(HANGS), POSE, False), 3.0)
+    hand_over(process, HANGS)
     assert process.result() is None
     assert (process.busy_since, process.failure) == (3.0, "")
     kill(process)
@@ -140,6 +148,5 @@ def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
 
 def test_a_process_that_fails_says_why(process) -> None:
     """The last test of this process."""
-    process.submit(ImageTask(image(FAILS), POSE, False), 3.0)
-    awaited(lambda: process.result() or process.failure or None)
-    assert process.failure == "ZeroDivisionError: nobody foresaw this"
+    hand_over(process, FAILS)
+    assert failure_of(process) == "ZeroDivisionError: nobody foresaw this"

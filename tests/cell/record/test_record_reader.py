@@ -36,11 +36,9 @@ def laboratory(tmp_path: Path) -> Path:
     """A run written by hand: the four files and nothing else."""
     header = {"schema": 1, "strip": "denim", "sigma": SIGMA, "operator": "Ada"}
     (tmp_path / "run.yaml").write_text(yaml.safe_dump(header))
-    pq.write_table(pa.table(columns()), tmp_path / "ticks.parquet")
+    change(tmp_path, "ticks.parquet")
     points = {"t": [0.0, 0.0, 0.1, 0.1], "i": [0, 1, 1, 0], "x": [0.1, 0.2, 0.4, 0.3]}
-    pq.write_table(
-        pa.table({**points, "z": [0.0, 0.1, 0.1, 0.0]}), tmp_path / "profile.parquet"
-    )
+    change(tmp_path, "profile.parquet", **points, z=[0.0, 0.1, 0.1, 0.0])
     (tmp_path / "result.yaml").write_text(
         yaml.safe_dump({"outcome": "path_done", "mood": "good"})
     )
@@ -75,6 +73,11 @@ def test_run_written_by_hand_is_read(laboratory):
     assert list(run.frames()) == []
     assert run.calibration() is None
     assert read_truth(laboratory) is None
+
+
+def test_profiles_alone_count_as_reliable_measurements(laboratory) -> None:
+    found = read_run(laboratory).measurements()
+    assert [seen.profile_confidence for seen in found] == [1.0, 1.0]
 
 
 BROKEN = [

@@ -113,16 +113,22 @@ SPOILT = {
 }
 
 
-@pytest.mark.parametrize("name", SPOILT)
-def test_report_shows_the_good_part_and_names_the_bad_one(folder, name) -> None:
+@pytest.fixture
+def spoilt(folder, name: str) -> str:
+    """What is to be said of the run in `folder`, spoilt in the way of that name."""
     file, spoil, says = SPOILT[name]
     (folder / file).touch()
     spoil(folder / file)
+    return says
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_report_shows_the_good_part_and_names_the_bad_one(folder, spoilt) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         page = write_report(folder).read_text(encoding="utf-8")
-    assert ("What could not be read" in page) == bool(says)
-    assert says in page
+    assert ("What could not be read" in page) == bool(spoilt)
+    assert spoilt in page
     assert "Made with" in page
     assert [row.strip for row in list_runs(folder.parent)] == ["denim"]
 
@@ -130,18 +136,14 @@ def test_report_shows_the_good_part_and_names_the_bad_one(folder, name) -> None:
 @pytest.mark.parametrize(
     "name", ["events in a pipe", "profile in mm", "index of no place"]
 )
-def test_recording_shows_the_good_part(folder, name) -> None:
-    file, spoil, _ = SPOILT[name]
-    spoil(folder / file)
+def test_recording_shows_the_good_part(folder, spoilt) -> None:
     assert viz_from_run(folder).stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(
     "name", ["ticks without rows", "sight without time", "index of no place"]
 )
-def test_replay_refuses_what_it_cannot_decide_on(folder, name) -> None:
-    file, spoil, _ = SPOILT[name]
-    spoil(folder / file)
+def test_replay_refuses_what_it_cannot_decide_on(folder, spoilt) -> None:
     with pytest.raises(ConfigurationError):
         replay(folder)
 

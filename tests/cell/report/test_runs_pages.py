@@ -35,9 +35,15 @@ def written(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def three(written: Path, tmp_path: Path) -> list[Path]:
-    """The folders of a copy of them."""
-    return sorted(shutil.copytree(written, tmp_path / "own").iterdir())
+def own(written: Path, tmp_path: Path) -> Path:
+    """A copy of them."""
+    return shutil.copytree(written, tmp_path / "own")
+
+
+@pytest.fixture
+def three(own: Path) -> list[Path]:
+    """The folders of the copy."""
+    return sorted(own.iterdir())
 
 
 def call(*words: object) -> str:
@@ -52,19 +58,17 @@ def links(page: Path) -> list[Path]:
 
 
 def test_comparison_has_every_run_and_what_differs(
-    three: list[Path], monkeypatch
+    own: Path, three: list[Path], monkeypatch
 ) -> None:
-    monkeypatch.chdir(three[0].parents[1])
+    monkeypatch.chdir(own.parent)
     for folder in three:
         (folder / "truth.yaml").write_text(
             "{schema: 1, displacement: 0.0, edge_offset: 0.0}\n"
         )
     # no run
-    (three[0].parents[1] / "tables/20270101T080000Z-denim-fold-0001").mkdir(
-        parents=True
-    )
+    (own.parent / "tables/20270101T080000Z-denim-fold-0001").mkdir(parents=True)
     page = Path(json.loads(call("report 0000 0001 last --json"))["report"]).resolve()
-    assert page == three[0].parent / "compare.html"
+    assert page == own / "compare.html"
     text = page.read_text("utf-8")
     (rows,) = re.findall(r"What was set otherwise.*?</table>", text, flags=re.S)
     assert re.findall(r"<tr><td>([^<]+)", rows) == ["policy", "seed"]
@@ -76,20 +80,22 @@ def test_comparison_has_every_run_and_what_differs(
     assert all(path.is_file() for path in links(page))
 
 
-def test_comparison_says_when_two_paths_part_and_how_far(three: list[Path]) -> None:
+def test_comparison_says_when_two_paths_part_and_how_far(
+    own: Path, three: list[Path]
+) -> None:
     edit_column(three[1] / "ticks.parquet", "x", lambda x: x + 0.005 * (x < 0.3))
     call("report", *three[:2])
-    text = (three[0].parent / "compare.html").read_text("utf-8")
+    text = (own / "compare.html").read_text("utf-8")
     assert re.search(
         r"separate [1-9][\d.]+&nbsp;s after the lift, and are farthest apart, 5.0", text
     )
 
 
 def test_list_page_has_thumbnails_and_working_links(
-    three: list[Path], tmp_path: Path
+    own: Path, three: list[Path], tmp_path: Path
 ) -> None:
     out = tmp_path / "pages" / "runs.html"
-    call("runs --runs", three[0].parent, "--html", out)
+    call("runs --runs", own, "--html", out)
     text = out.read_text("utf-8")
     assert text.count('src="data:image/jpeg;base64,') == 3
     assert links(out) == [folder / "report.html" for folder in reversed(three)]
@@ -101,12 +107,12 @@ def test_list_page_has_thumbnails_and_working_links(
 
 @pytest.mark.parametrize("command", ["runs", "report"])
 def test_pages_are_never_written_over_a_file_of_the_operator(
-    three: list[Path], tmp_path: Path, command: str
+    own: Path, three: list[Path], tmp_path: Path, command: str
 ) -> None:
     mine = tmp_path / "cell.yaml"
     mine.write_text("name: cell\n")
     said = {
-        "runs": ("runs --runs", three[0].parent, "--html", mine),
+        "runs": ("runs --runs", own, "--html", mine),
         "report": ("report", *three, "--out", mine),
     }
     result = invoke(*said[command])
@@ -114,17 +120,20 @@ def test_pages_are_never_written_over_a_file_of_the_operator(
     assert mine.read_text() == "name: cell\n"
 
 
-def test_tags_and_notes_stay_in_the_run_and_are_found(three: list[Path]) -> None:
+def test_tags_and_notes_stay_in_the_run_and_are_found(
+    own: Path, three: list[Path]
+) -> None:
+    first, *_ = three
     call("note", *three[:2], "--tag good --tag first-day --text 'dry air'")
-    call("note", three[0], "--untag good")
-    assert read_row(three[0]).tags == "first-day"
-    assert read_row(three[0]).note == "dry air"
+    call("note", first, "--untag good")
+    assert read_row(first).tags == "first-day"
+    assert read_row(first).note == "dry air"
     where = "--where \"tags LIKE '%good%'\" --json"
-    found = call("runs --runs", three[0].parent, where)
+    found = call("runs --runs", own, where)
     assert [json.loads(line)["tags"] for line in found.splitlines()] == [
         ["first-day", "good"]
     ]
-    assert [row.tags for row in list_runs(three[0].parent)] == [
+    assert [row.tags for row in list_runs(own)] == [
         "first-day",
         "first-day good",
         "",
@@ -135,18 +144,20 @@ def test_tags_and_notes_stay_in_the_run_and_are_found(three: list[Path]) -> None
 def test_notes_that_cannot_be_read_are_left_as_they_are(
     three: list[Path], text: str
 ) -> None:
-    notes = three[0] / "notes.yaml"
+    first, *_ = three
+    notes = first / "notes.yaml"
     notes.write_text(text)
-    done = invoke(f"note {three[0]} --tag good")
+    done = invoke(f"note {first} --tag good")
     assert isinstance(done.exception, ConfigurationError)
     assert str(notes) in str(done.exception)
     assert notes.read_text() == text
 
 
 def test_four_tags_at_once_are_all_kept(three: list[Path]) -> None:
+    first, *_ = three
     with ThreadPoolExecutor(4) as pool:
-        list(pool.map(lambda tag: annotate(three[0], [tag]), "abcd"))
-    assert read_row(three[0]).tags == "a b c d"
+        list(pool.map(lambda tag: annotate(first, [tag]), "abcd"))
+    assert read_row(first).tags == "a b c d"
 
 
 def test_effects_of_any_text_and_differences_beyond_the_shown_digits_are_stated():

@@ -61,17 +61,14 @@ def is_gone(pid: int) -> bool:
 
 
 def test_child_runs_its_parent_s_code_and_not_what_lies_in_the_current_folder(
-    tmp_path, monkeypatch
+    tmp_path, monkeypatch, request
 ) -> None:
     (tmp_path / "drivers").mkdir()
     (tmp_path / "drivers" / "__init__.py").write_text("raise SystemExit(7)")
     monkeypatch.chdir(tmp_path)
-    image = SharedImage()
-    child = Child(echo, image)
+    child = request.getfixturevalue("child")
     child.send("hello")
     assert child.receive(PATIENCE) == "hello"
-    child.kill()
-    image.close()
 
 
 def test_child_answers_in_order_and_only_when_asked(child) -> None:

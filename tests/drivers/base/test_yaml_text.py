@@ -8,7 +8,8 @@ import pytest
 import yaml
 
 from cell.base.config.places import CHECKOUT_CONFIGS
-from drivers.base.yaml_text import edit_yaml
+from drivers.base.yaml_text import edit_yaml, parse_yaml
+from tests.support.refusals import refusal
 
 COMMENTED = """\
 # The strip of the second shelf.
@@ -37,6 +38,11 @@ def test_what_does_not_change_stays_as_it_is_written() -> None:
     assert "thickness: 0.0012     # calipers, three places" in new
     assert new.splitlines()[4:-1] == COMMENTED.splitlines()[4:]
     assert new.splitlines()[-1] == "bending_length: 0.021"
+
+
+def test_number_of_more_digits_than_any_value_has_is_refused() -> None:
+    with refusal("line 1: is a number of 65 digits, at most 64"):
+        parse_yaml(f"length: {10**64}", "felt.yaml")
 
 
 def test_an_entry_put_before_others_leaves_them() -> None:

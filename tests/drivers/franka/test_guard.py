@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from drivers.base.types import Pose, Velocity
 from drivers.franka import limits
 from drivers.franka.limits import FR3
 from drivers.franka.mailbox import CommandKind
-from drivers.franka.reach import PredictedMotion, plan_reach
+from drivers.franka.reach import PredictedMotion, Reach, plan_reach
 from tests.drivers.franka.rig import (
     INSTALLATION,
     JOINTS,
@@ -72,12 +73,25 @@ def test_guard_objects_to_joints_that_turn_too_fast_here() -> None:
     assert "could not follow" in guard.objection(slow)
 
 
+def planned(path: ArrayLike, speed: float) -> Reach:
+    """How the arm follows a `path` (n, 3) at one `speed` [m/s], joint 3 at 0."""
+    return plan_reach(
+        INSTALLATION, np.array(path), np.full(len(path), speed), elbows=(0.0,)
+    )
+
+
 def test_path_through_a_singular_posture_is_refused_before_the_motion() -> None:
     z = np.arange(0.62, 0.64, 0.0005)
     path = np.column_stack([np.full(len(z), 0.3), z, np.full(len(z), np.pi / 2)])
-    reach = plan_reach(INSTALLATION, path, np.full(len(z), 1e-4), (0.0,))
+    reach = planned(path, 1e-4)
     assert "stretched or folded" in reach.problems[0].reason
     assert 0.63 < reach.problems[0].z < 0.64
+
+
+def test_margin_of_a_path_is_that_of_its_worst_place() -> None:
+    far = (0.65, 0.15, 0.0)
+    whole = planned([far, START], 0.1)
+    assert whole.margin == pytest.approx(planned([far], 0.1).margin)
 
 
 def test_guard_objects_beyond_the_arm_s_reach() -> None:

@@ -63,6 +63,10 @@ def test_limits_are_read_from_the_description_of_either_revision(
     assert JointLimits.from_description(text.replace("</robot>", finger)) == stated
 
 
+def test_comment_in_a_description_is_no_declaration() -> None:
+    assert JointLimits.from_description(arm_urdf() + "<!-- by xacro -->") == FR3
+
+
 def test_another_arm_is_refused_by_its_name() -> None:
     text = arm_urdf().replace('name="joint', 'name="panda_joint')
     with pytest.raises(ArmFault, match="'panda'"):

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from drivers.base.errors import ConfigurationError
-from policies.adaptive.checkpoint import about, load_critic, save_critic
+from policies.adaptive.checkpoint import COMMITTED, about, load_critic, save_critic
 from policies.adaptive.features import COUNT
+from policies.policy import Observation
 from policies.registry import make_policy
 
 
@@ -29,9 +30,7 @@ def test_weights_come_back_as_they_were_saved(tmp_path: Path) -> None:
 
 def spoilt(path: Path, how: str) -> None:
     """A file of weights that is broken in one way."""
-    with np.load(
-        Path(make_policy.__code__.co_filename).parent / "weights/adaptive.npz"
-    ) as held:
+    with np.load(COMMITTED) as held:
         arrays = {name: held[name] for name in held.files}
     match how:
         case "text":
@@ -66,9 +65,16 @@ def test_weights_that_unpack_to_more_than_there_may_be_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("policies.adaptive.checkpoint.LARGEST_UNPACKED", 1000)
-    shipped = Path(make_policy.__code__.co_filename).parent / "weights/adaptive.npz"
     with pytest.raises(ConfigurationError, match=r"adaptive\.npz.*unpacks to \d+ MB"):
-        load_critic(shipped)
+        load_critic(COMMITTED)
+
+
+def test_first_image_moves_the_line_at_once() -> None:
+    policy = make_policy("adaptive")
+    before = policy.rise
+    curve = np.linspace((0.2, 0.0), (0.0, 0.2), 12)[None]
+    policy.decide(Observation(*np.zeros((7, 1)), curve, np.ones(1)))
+    assert policy.rise != pytest.approx(before)
 
 
 @pytest.mark.parametrize(("length", "speed"), [(0.3, 0.1), (1.0, 0.1), (0.6, 0.05)])

@@ -8,6 +8,7 @@ import pytest
 from cell.base.campaign.processes import workers
 from drivers.base.errors import ConfigurationError
 from policies.adaptive.critic import ARRAY_NAMES, Critic
+from policies.adaptive.train import shard
 from policies.adaptive.train.shard import CriticSettings
 
 TINY = CriticSettings(
@@ -34,6 +35,13 @@ def trained(
             if done == stop_after:
                 return None
     return training.policy.critic
+
+
+def test_shards_of_two_rounds_fold_other_strips(monkeypatch) -> None:
+    monkeypatch.setattr(shard, "_fold_strips", lambda _, strips, **__: strips)
+    monkeypatch.setattr(shard, "concatenate", lambda batches: batches[0])
+    one, other = (shard.simulate(TINY, turn, 0, None) for turn in range(2))
+    assert one != other
 
 
 @pytest.mark.slow  # three trainings

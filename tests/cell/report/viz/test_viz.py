@@ -1,9 +1,11 @@
 import shutil
 import threading
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from unittest.mock import Mock
+from unittest.mock import Mock, patch
 
 import numpy as np
 import pytest
@@ -19,7 +21,13 @@ from cell.record.run import read_run
 from cell.record.writer import RunWriter
 from cell.report.figures import READING
 from cell.report.viz import opening
-from cell.report.viz.recording import STALE, RerunWriter, Shadow, viz_from_run
+from cell.report.viz.recording import (
+    STALE,
+    RerunWriter,
+    Shadow,
+    _camera_view,
+    viz_from_run,
+)
 from cell.report.viz.watch import WAITING, LiveView
 from drivers.base.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from drivers.base.yaml_text import dump_yaml
@@ -71,6 +79,14 @@ def begun(folder: Path) -> Path:
     """Folder of a run that has just begun."""
     (folder / "run.yaml").write_text(dump_yaml({"schema": 1} | HEADER), "utf-8")
     return folder
+
+
+@contextmanager
+def live(folder: Path) -> Iterator[LiveView]:
+    """View of a run that begins, until its recording is written."""
+    viz = LiveView(begun(folder), STRIP)
+    yield viz
+    viz.close(60)
 
 
 def watch(viz: LiveView, count: int) -> None:
@@ -144,12 +160,11 @@ def test_simulated_strip_is_cleared_once_the_layers_touched(rebuilt):
 
 
 def test_measured_strip_is_cleared_once_its_measurement_is_old(tmp_path):
-    viz = LiveView(begun(tmp_path), STRIP)
-    watch(viz, 100)
-    for k in range(100, 200):
-        seen = snapshot(k)
-        viz.handle_tick(replace(seen, view=replace(seen.view, measurement=None)))
-    viz.close(60)
+    with live(tmp_path) as viz:
+        watch(viz, 100)
+        for k in range(100, 200):
+            seen = snapshot(k)
+            viz.handle_tick(replace(seen, view=replace(seen.view, measurement=None)))
     (cleared,) = times(tmp_path / "run.rrd", "/world/strip/measured", "Clear")
     assert cleared == pytest.approx(0.99 + STALE, abs=0.03)
 
@@ -162,10 +177,9 @@ def test_dead_run_is_shown_as_far_as_it_goes(killed, tmp_path):
 
 
 def test_watched_fold_is_recorded(tmp_path):
-    viz = LiveView(begun(tmp_path), STRIP)
-    watch(viz, 200)
-    viz.handle_event(1.99, "fault", {"name": "stale_image", "reason": "too old"})
-    viz.close(60)
+    with live(tmp_path) as viz:
+        watch(viz, 200)
+        viz.handle_event(1.99, "fault", {"name": "stale_image", "reason": "too old"})
     rows = entities(tmp_path / "run.rrd")
     assert viz.failure == ""
     assert rows["/world/strip/measured"] == 100 + 1
@@ -176,16 +190,33 @@ def test_watched_fold_is_recorded(tmp_path):
 
 def test_overlay_is_drawn_where_the_runs_calibration_puts_it(tmp_path, calibration):
     save_calibration(calibration, tmp_path / "calibration.yaml")
-    viz = LiveView(begun(tmp_path), STRIP)
-    watch(viz, 40)
-    viz.close(60)
+    with live(tmp_path) as viz:
+        watch(viz, 40)
     rows = entities(tmp_path / "run.rrd")
     assert rows["/world/camera/image/overlay/profile"] == 4 + 1
     assert rows["/world/camera/image/picture"] == 4 + 1
     edit_yaml(tmp_path / "calibration.yaml", camera="other")
-    viz = LiveView(begun(tmp_path), STRIP)
-    viz.close(60)
+    with live(tmp_path) as viz:
+        pass
     assert "changed by hand" in viz.failure
+
+
+def test_image_in_the_viewer_stands_upright(calibration) -> None:
+    bounds = _camera_view(0.6, calibration).properties["VisualBounds2D"]
+    [shown] = bounds.range.as_arrow_array().to_pylist()
+    top, bottom = shown["y_range"]
+    assert top < bottom
+
+
+def test_only_this_machine_can_watch_a_fold(tmp_path) -> None:
+    sink = opening.rr.GrpcServerSink
+    with (
+        patch.object(opening.rr, "GrpcServerSink", wraps=sink) as served,
+        live(tmp_path),
+    ):
+        pass
+    address, *_ = served.call_args.args
+    assert address == "127.0.0.1"
 
 
 def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monkeypatch):
@@ -213,9 +244,8 @@ def test_machine_without_a_viewer_still_writes_the_file(tmp_path, monkeypatch):
     monkeypatch.setenv("DISPLAY", ":0")
     missing = Mock(side_effect=FileNotFoundError("rerun"))
     monkeypatch.setattr(opening, "open_viewer", missing)
-    viz = LiveView(begun(tmp_path), STRIP)
-    watch(viz, 20)
-    viz.close(60)
+    with live(tmp_path) as viz:
+        watch(viz, 20)
     missing.assert_called_once()
     assert viz.failure == ""
     assert entities(tmp_path / "run.rrd")["/signals/along/gripper_x"] == 20 + 1

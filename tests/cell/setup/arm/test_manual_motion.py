@@ -1,13 +1,14 @@
 """The arm by hand and in a calibration: never into the desk."""
 
 import signal
-from dataclasses import replace
+from itertools import islice
 
 import pytest
 
-from calibration.wizard.touched_points import TouchedPoints
+from calibration.wizard.progress import Progress
+from calibration.wizard.touched_points import TouchedPoints, request_text
 from cell.base.devices.devices import Trial
-from cell.orchestrator.calibration_phase import calibrate
+from cell.orchestrator.calibration_phase import _measure_latency, calibrate
 from cell.orchestrator.context import CalibrationInputs, CalibrationLog
 from cell.orchestrator.monitors import Rules
 from cell.orchestrator.outcome import Outcome
@@ -18,11 +19,19 @@ from cell.setup.arm.run_settings import slow_down
 from drivers.base.errors import Fault
 from drivers.base.types import Pose
 from tests.support.commands import run
-from tests.support.plain_cell import GOOD
+from tests.support.plain_cell import of_arm
 from tests.support.requests import CELL
 from tests.support.twin_calibration import twin_calibration
 
 UPRIGHT = Pose(0.3, 0.05, 1.57)
+
+
+def touching(first: Pose, last: Pose, **given: object) -> CalibrationInputs:
+    """A calibration that touches points between the `first` and the `last`."""
+    plan = (first, *(Pose(0.1 + 0.03 * i, 0.05, 1.57) for i in range(15)), last)
+    lens = twin_calibration(CELL.twin.camera).lens
+    points = TouchedPoints(lens, CELL.touches, plan)
+    return CalibrationInputs(CELL.controller, points, **given)
 
 
 def stating(desk: float | None):
@@ -75,21 +84,20 @@ def test_small_negative_pitch_is_stated_as_zero() -> None:
 def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(
     first, last
 ) -> None:
-    lens = twin_calibration(CELL.twin.camera).lens
-    plan = (first, *(Pose(0.1 + 0.03 * i, 0.05, 1.57) for i in range(15)), last)
-    points = TouchedPoints(lens, CELL.touches, plan)
-    low = replace(GOOD, arm=replace(GOOD.arm, commanded=Pose(0.3, 0.02, 1.57)))
-    phase = calibrate(
-        CalibrationInputs(CELL.controller, points),
-        CalibrationLog(),
-        Recorder(),
-        low,
-    )
+    low = of_arm(commanded=Pose(0.3, 0.02, 1.57))
+    phase = calibrate(touching(first, last), CalibrationLog(), Recorder(), low)
     if first == last:
         assert next(phase) == OpenHand()
         return
     with pytest.raises(Fault, match="into the desk at x 300"):
         next(phase)
+
+
+def test_steps_of_the_camera_s_latency_are_announced_with_their_place() -> None:
+    told: list[Progress] = []
+    given = touching(UPRIGHT, UPRIGHT, watch=told.append)
+    _, step = islice(_measure_latency(given, CalibrationLog().steps), 2)
+    assert told[0].request == request_text(step.pose)
 
 
 def test_monitors_know_the_limits_of_the_motion(monkeypatch) -> None:
