@@ -42,10 +42,10 @@ class Callbacks:
 
     `interrupt` makes a context that asks for a controlled stop, `report` takes a
     remark, `lay_again` waits until the strip lies for the next fold of a real robot,
-    `observe` makes a context of the observers of a strip's fold, and `tell` takes a
-    result as soon as it is known, before its page is written, and again where that
-    fails. `begin` takes the request of each fold that begins, and `end` that of each
-    recorded one with its result, in the order in which they end.
+    `observe` makes a context of the observers of a strip's fold, and `tell` takes the
+    result of each recorded fold as soon as it is known. `begin` takes the
+    request of each fold that begins, and `end` that of each recorded one with its
+    result, in the order in which they end.
     """
 
     interrupt: Callable[[], AbstractContextManager[Callable[[], bool]]] = Interrupt

@@ -246,9 +246,9 @@ def _find_strip(
 
 def _slim_pieces(alike: NDArray[np.bool_]) -> tuple[NDArray[np.int32], Array]:
     """Number of the connected piece at each point of the mask `alike`, and the length
-    [m] of each piece; pieces that are not slim count as of no length.
+    [m] of each piece, 0 for one that is not SLIM.
 
-    A cell of the mask is RASTER wide; pieces that are not SLIM have length 0.
+    A cell of the mask is RASTER wide.
     """
     mask = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 9)))
     _, labels, pieces, _ = cv2.connectedComponentsWithStats(mask)

@@ -85,12 +85,14 @@ class Rehearsal:
         part = slice(first, last + 1)
         poses, times = densify(self.path[part], self.speeds[part])
         due = EASE * np.concatenate([[0.0], np.cumsum(times[1:])])
+        duration = due[-1]
         fastest = np.array([axis.velocity for axis in self.limits.axes])
         snapshot = yield Drive(ZERO_VELOCITY)
         start = snapshot.time
 
-        while (time := snapshot.time - start) < due[-1] + min(RAMP, due[-1]):
-            eased = [_eased_time(time, due[-1]), _eased_time(time + LOOKAHEAD, due[-1])]
+        while (time := snapshot.time - start) < duration + min(RAMP, duration):
+            later = time + LOOKAHEAD
+            eased = [_eased_time(time, duration), _eased_time(later, duration)]
             target, ahead = interpolate_columns(np.array(eased), due, poses)
             error = target - snapshot.arm.commanded.as_array()
             rate = np.clip(
@@ -114,8 +116,8 @@ def rehearsal(
 
     `speeds` (n,) [m/s] are those of the fold. Parts that only avoid a lying strip are
     left out. With an `elbow` [rad] a Franka arm must reach the path, its joints within
-    `limits`. Raises
-    ConfigurationError where the workspace or the arm ends below the fold.
+    `limits`. Raises ConfigurationError where the workspace or the arm ends below the
+    fold.
     """
     installation = settings.installation
     raised = np.add(path[FIRST_USED:], (0.0, HOVER_HEIGHT, 0.0))

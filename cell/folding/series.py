@@ -26,7 +26,8 @@ def identity(requests: Sequence[Request]) -> dict[str, str]:
     """Digests of the strip, the cell, the simulated strip and the planned folds, by
     name, by which a series that is resumed is known to be the same.
 
-    The plan has policies, speeds, seeds, weights and the number of folds.
+    The plan has policies, speeds, fold lines, seeds, whether at full speed, weights and
+    the number of folds.
     """
     first = requests[0]
     plants = [

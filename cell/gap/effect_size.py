@@ -187,6 +187,8 @@ class GapModel:
         None where no share does, or where the gap jumps past `most`, as that of a slip
         may.
         """
+        if strengths.effect.name not in self._subject.scope.by_name:
+            return None  # the rod cannot simulate it on this strip
         shares = LADDER
         try:
             if self._excess_along(strengths, LADDER[-1:]).max() < target:
@@ -213,4 +215,5 @@ def _engine_values(name: str, values: Mapping[str, float]) -> Array:
     """
     effect = registry()[name]
     complete = effect.complete(values)
-    return np.array([p.stated_value(complete[p.name]) for p in effect.parameters])
+    shapes_last = sorted(effect.parameters, key=lambda p: p.role == "shape")
+    return np.array([p.stated_value(complete[p.name]) for p in shapes_last])

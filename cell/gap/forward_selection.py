@@ -115,7 +115,6 @@ def _better_base(
                 model,
                 runs,
                 start,
-                jacobians=None,
                 enough=ROUGH_GAIN,
                 steps=BUDGET.short_steps,
             )
@@ -172,9 +171,7 @@ def refit_on_base(
 
 def _secants(fit: FitEstimate, runs: Sequence[FitRun]) -> Sequence[Array] | None:
     """Whitened Jacobian (samples, unknowns) of each run at `fit`, rescaled to the noise
-    of `runs`; None where these have other unknowns.
-
-    None where these have other unknowns of their own.
+    of `runs`; None where these have other unknowns of their own.
     """
     secants = []
     for jacobian, old, new in zip(fit.jacobians, fit.runs, runs, strict=True):
@@ -186,8 +183,8 @@ def _secants(fit: FitEstimate, runs: Sequence[FitRun]) -> Sequence[Array] | None
 
 
 def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
-    """Copy of the models' fits with the best single effects fitted, if any of them can
-    be accepted.
+    """Copy of the models' fits with the best single effects fitted, if the base is
+    doubted, or one of them or a pair promises enough.
     """
     progress("refit the best", 0.25)
     fits = models.fits

@@ -96,8 +96,8 @@ def investigate(
 
 @dataclass(frozen=True, slots=True)
 class Investigation:
-    """Stages of the investigation of `subject`; `fitted` are its runs with all random
-    unknowns.
+    """Stages of the investigation of `subject`; `fitted` are those of its runs that are
+    not held out, with all random unknowns.
     """
 
     subject: Subject
@@ -385,8 +385,8 @@ def _is_strained(base: FitEstimate) -> bool:
 def _alternative(
     screened: Screen, accepted: CrossValidatedFit, fits: Fits, tests: ModelTests
 ) -> tuple[Model, Array] | None:
-    """Model to separate from `accepted`, its closest rival, with the rival's shared
-    values (P,); None without one.
+    """Model to separate from `accepted`, with its shared values (P,): the closest
+    rival, else the best other model of that size, else an effect not in it.
     """
     size = len(accepted.effects) or 1
     others = [m for m in fits.of_size(size) if m is not accepted]

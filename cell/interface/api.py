@@ -139,7 +139,9 @@ def _prepared(asked: Request, plants: Sequence[StripFile] = ()) -> tuple[Request
 class ShownPage(PosixPath):
     """Path of an HTML page, which a notebook shows in place."""
 
-    def _repr_html_(self) -> str:
+    def _repr_html_(self) -> str | None:
+        if not self.is_file():
+            return None
         text = escape(self.read_text(encoding="utf-8"))
         return f'<iframe srcdoc="{text}" width="100%" height="800"></iframe>'
 
@@ -163,7 +165,9 @@ def read_run(folder: StrPath) -> DrawnRun:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class PrintedTable:
-    """Arrow `table` of runs that prints a line for each; all else it does itself."""
+    """Arrow `table` of runs that prints a line for each, and has its columns and
+    methods.
+    """
 
     table: pa.Table
     rows: Sequence[RunRow]
@@ -183,7 +187,8 @@ class PrintedTable:
 
 def runs(folder: StrPath = "runs", where: str = "", sort: str = "") -> Any:
     """Table of the runs that `list_runs` lists: a data frame where pandas is installed,
-    else an Arrow table, which prints a line for each run.
+    else an Arrow table in a `PrintedTable`, which prints a line for each run; other
+    programs take its `.table`.
     """
     listed = list_runs(folder, where, sort)
     rows = [dict(zip(COLUMNS, values_of(row), strict=True)) for row in listed]

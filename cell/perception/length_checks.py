@@ -145,7 +145,7 @@ def held_end_offset(seen: StripMeasurement) -> float:
     seen below them leads there.
     """
     away = seen.profile - np.array(seen.gripper)
-    if not len(away) or lengths(away[-1]) >= SEEN_END:
+    if len(away) == 0 or lengths(away[-1]) >= SEEN_END:
         return nan
     x, z = away[lengths(away - away[-1]) <= LAST].T
     upright = np.column_stack([np.ones_like(z), z**2])

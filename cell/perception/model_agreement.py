@@ -204,9 +204,7 @@ def _curves_about(
     strip: StripFile, unknowns: Array, fold: MeasuredFold
 ) -> Array | None:
     """Profiles of the rod at the parameters `unknowns` (3,), and with each one changed
-    by its step; None where a rod cannot follow.
-
-    None where the rod cannot follow one of them.
+    by its step; None where the rod cannot follow one of them.
     """
     changed = unknowns + np.diag(GRADIENT_STEPS)
     curves = []

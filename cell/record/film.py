@@ -53,7 +53,7 @@ class Film:
         self, after: float = 0.0, only: Collection[int] | None = None
     ) -> Iterator[Frame]:
         """Yield the images of the film with their times [s], which count from the first
-        image; `only` limits them to images with these numbers.
+        image; `only` limits them to these numbers, counted from the first one yielded.
 
         They begin with one at or shortly before `after` [s], in a film whose own stamps
         begin at 0. Raises ConfigurationError for a file that is missing or no film.

@@ -181,7 +181,7 @@ class FrameWriter:
 
     def put(self, frame: Frame, mark: bool) -> None:
         """Hand over `frame` to be written; one with a `mark` is stored even where only
-        some images are.
+        some images are, while fewer than MOST_KEYS are.
         """
         try:
             self._waiting.put((frame, mark), block=self._patient)

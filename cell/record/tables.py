@@ -181,7 +181,7 @@ def _tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
     row that is nearest in time to its image.
 
     A row whose stamp did not advance contains no new measurement and is left out, and
-    so are one of an arm that reported no number, which no reader takes.
+    so is one of an arm that reported no number, which no reader takes.
     """
     t = _numbers(ticks, "t")
     # stamp before each row

@@ -139,7 +139,7 @@ class RunWriter:
 
     def event(self, t: float, kind: str, **facts: Any) -> None:
         """Write an event of this `kind` at the time `t` [s] on the clock of the cell;
-        after a fault the next image is stored.
+        after a fault the next image is marked.
         """
         self._mark = self._mark or kind == "fault"
         with self._recording():

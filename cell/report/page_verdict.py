@@ -6,7 +6,7 @@ from typing import Any
 
 from cell.record.events import NOT_LEARNED
 from cell.record.files import RESULT, is_under_way
-from cell.record.header import LAID, Result
+from cell.record.header import LAID, UNMEASURED, Result
 from cell.record.listing import earlier_results
 from cell.record.run import Run
 from cell.report.html import Tone
@@ -163,7 +163,7 @@ def _standing(run: Run) -> str:
     header = run.header
     of = f"of {header.strip} by {header.policy or 'another program'}"
     count = len(first.earlier)
-    if count >= LEAST_FOLDS:
+    if count >= LEAST_FOLDS and first.sigma < UNMEASURED:
         return f"{first.standing(first.earlier)} for a fold {of}: {first.history}."
 
     few = f"{plural(count, 'earlier fold')} {of} to compare with"

@@ -31,15 +31,16 @@ def projected(
     """
     width = settings.width
     matrix = lens.matrix
+    focal = matrix[0, 0]
     board = np.asarray(settings.board().getChessboardCorners(), dtype=np.float64)
     centred = board - (width / 2, settings.rows * settings.square / 2, 0)
     centred[:, 2] += bow * (centred[:, 0] / (width / 2)) ** 2
     lean = Rotation.from_euler("YXZ", (-wanted.turn, -wanted.tilt, wanted.roll))
     turned = lean.apply(centred)
-    depth = float(matrix[0, 0]) * width / (wanted.size * lens.width)
+    depth = float(focal) * width / (wanted.size * lens.width)
     middle = np.array([wanted.x * lens.width, wanted.y * lens.height]) - matrix[:2, 2]
-    seen = turned + np.append(middle / matrix[0, 0] * depth, depth)
-    ideal = seen[:, :2] / seen[:, 2:] * matrix[0, 0] + matrix[:2, 2]
+    seen = turned + np.append(middle / focal * depth, depth)
+    ideal = seen[:, :2] / seen[:, 2:] * focal + matrix[:2, 2]
     image = lens.distort(ideal) + noise * rng.standard_normal((len(board), 2))
     inside = ((image > 4) & (image < (lens.width - 4, lens.height - 4))).all(axis=1)
     return BoardView(np.flatnonzero(inside).astype(float), board[inside], image[inside])

@@ -71,8 +71,10 @@ class MakerScene:
         )
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
-        self._joints = [self.model.joint(name).qposadr[0] for name in ARM_JOINTS]
-        self._fingers = [self.model.joint(name).qposadr[0] for name in FINGER_JOINTS]
+        self._joints, self._fingers = (
+            [self.model.joint(name).qposadr[0] for name in names]
+            for names in (ARM_JOINTS, FINGER_JOINTS)
+        )
 
     def _add_solids(self, spec: mujoco.MjSpec, solids: Solids) -> None:
         """Add the boxes of `solids` to the world of `spec`."""

@@ -118,8 +118,7 @@ class GroundTruth(Protocol):
         """True time of touch [s] since `origin`, displacement and edge offset [m], by
         name; None for what did not happen.
 
-        The lengths are those of a fold whose grasped edge is to lie at x = `goal` [m];
-        None of what did not happen.
+        The lengths are those of a fold whose grasped edge is to lie at x = `goal` [m].
         """
 
 

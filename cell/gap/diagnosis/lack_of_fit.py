@@ -42,10 +42,10 @@ class Repeats(NamedTuple):
     """Scatter between repeated runs of one condition, for each channel, in units of the
     stated noise.
 
-    `scatter` between repeats, and `inflation` of the noise once a drift of the base
-    with the index of the run is taken out. `drift` says in words which parameter drifts
-    most surely, `p` is the p-value of no drift; empty and 1 where no condition was
-    repeated.
+    `scatter` between repeats, and `inflation` of the noise once a drift of the shared
+    parameters with the index of the run is taken out. `drift` says in words which
+    parameter drifts most surely, `p` is the p-value of no drift; empty and 1 where no
+    condition was repeated.
     """
 
     scatter: dict[str, float]
@@ -55,8 +55,8 @@ class Repeats(NamedTuple):
 
     @classmethod
     def of(cls, estimate: FitEstimate) -> Self:
-        """Compare the repeated runs of `estimate`, and test whether base parameters
-        drift from run to run.
+        """Compare the repeated runs of `estimate`, and test whether shared
+        parameters drift from run to run.
 
         Likelihood ratio (Wilks 1938) of each parameter linear in the index, all at
         once, in units of the scatter between repeats that is left then. Only repeats
@@ -98,8 +98,8 @@ class Repeats(NamedTuple):
 
     @property
     def drifts(self) -> bool:
-        """Whether repeated runs differ beyond noise because base parameters drift from
-        run to run.
+        """Whether repeated runs differ beyond noise because shared parameters drift
+        from run to run.
         """
         return self.p < ALPHA and max(self.scatter.values(), default=1.0) > 1.0
 
@@ -160,7 +160,7 @@ def _relative_index(runs: Sequence[FitRun]) -> Array:
 
 
 def _drift_words(estimate: FitEstimate, form: NormalEquations) -> str:
-    """Sentence on the base parameter whose linear drift explains the repeats' scatter
+    """Sentence on the shared parameter whose linear drift explains the repeats' scatter
     best, with its change per run.
     """
     gradient = form.gradient

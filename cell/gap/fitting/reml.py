@@ -34,7 +34,7 @@ from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
 # Set by hand, and tried on true spreads. Spreads are in units of each quantity's usual
-# one. between which they are sought, and from where
+# one; these are the bounds between which they are sought, and from where.
 SMALLEST, LARGEST, FIRST = 0.03, 5.0, 0.5
 # times as wide is the prior of the constant part of a quantity, the same in all runs
 SHARED = 10.0
@@ -155,10 +155,10 @@ class Likelihood(NamedTuple):
 
     def loss(self, shares: Array, active: Sequence[int]) -> tuple[float, Array]:
         """Negative log posterior [nats], up to a constant, of run-to-run spreads given
-        as `shares` (k,) of their usual values, and its gradient (k,).
+        as `shares` (k,) of their usual values, and its gradient (k,) by their
+        logarithms.
 
-        `shares` are the spreads of the quantities `active` over the usual ones, the
-        gradient is in their logarithms; the other quantities do not scatter.
+        The shares are those of the quantities `active`; the others do not scatter.
         """
         scattering, owner = np.nonzero(np.equal.outer(self.owner, active))
         own = shares[owner]

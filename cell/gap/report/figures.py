@@ -23,7 +23,7 @@ from drivers.base.types import Array
 
 COLOURS = COLOUR_BEFORE, COLOUR_AFTER = ORANGE, BLUE
 SIMULATED = {
-    "before": "simulated from the file",
+    "before": "simulated from the refitted file",
     "after": "with what was found",
 }
 COLUMN = 0.34  # inch, width of a column of the heat map
@@ -104,8 +104,8 @@ def replay(findings: Findings) -> Iterator[RunScenes]:
 def replay_runs(
     subject: Subject, fits: Mapping[str, FitEstimate], *, held_out: bool
 ) -> Iterator[RunScenes]:
-    """Simulate the runs of `fits`, which holds one fit under each of the keys `before`
-    and `after`, and yield the drawings of each run.
+    """Simulate the runs of `fits`, which holds one fit under the key `before` and,
+    where something was accepted, one under `after`; yields the drawings of each run.
     """
     drawn = {
         word: subject.draw_simulated(requests(fit.model, fit.runs, fit.point))

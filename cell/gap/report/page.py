@@ -196,7 +196,7 @@ def _worst_values(
     found = f", {after} with what was found" if "after" in worst.off else ""
     says = (
         f"The worst moment, {seconds(worst.t)} into {name}, a run kept back from the"
-        f" fit: the simulated strip is {before} off as the file has it{found}."
+        f" fit: the simulated strip is {before} off with the refitted file{found}."
     )
     return {"figure": figures.worst_picture(worst), "says": says}
 
@@ -384,8 +384,8 @@ def _fold_sentence(verdict: Verdict, rows: Sequence[tuple[str, str]]) -> str:
     words = " and ".join(map(effect_title, verdict.effects))
     (_, before), (_, after) = rows
     return (
-        f"The model lacks {words}: in simulation, a fold planned without it ends"
-        f" {before} off, with it {after} off"
+        f"The model lacks {words}: in simulation, a fold planned from the file ends"
+        f" {before} off, with what was found {after} off"
     )
 
 

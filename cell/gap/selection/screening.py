@@ -128,9 +128,7 @@ def _with_effects(
 
 def _secants(origin: FitEstimate, model: Model, score: Score) -> Sequence[Array] | None:
     """Jacobian (samples, unknowns) of each run for `model`, from `origin` with fewer
-    effects; None where an effect was not screened there.
-
-    None where one of the effects was not screened there.
+    effects; None where one of the effects was not screened there.
     """
     jacobians = origin.jacobians
     count = len(origin.shared)
@@ -343,10 +341,9 @@ def _probes_to_fit(
 def _opposite_sign(
     equations: ProbeEquations, p: ProbeResponses, best: Score
 ) -> dict[str, Array] | None:
-    """Parameter values (k,) by effect that gain most with the sign opposite to `best`;
-    None where there are none.
+    """Parameter values (k,) by effect that gain most with the sign opposite to `best`.
 
-    None where it has no place, or gains with one sign only.
+    None where the effect has no place, or gains with one sign only.
     """
     name = p.name
     candidate = p.candidate

@@ -154,9 +154,8 @@ class Samples:
 
     Words (n,): `channel`, `phase`, `zone`, and `quantity`, by which gaps are shown.
     Numbers (n,): time `t` [s], one-sigma `noise` of the sample, `reading` of a single
-    reading in it, and
-    `floor`, the error that every model of this subject has, all in SI. `series` (n,)
-    numbers the time series that a sample belongs to.
+    reading in it, and `floor`, the error that every model of this subject has, all in
+    SI. `series` (n,) numbers the time series that a sample belongs to.
     """
 
     channel: Words

@@ -77,8 +77,8 @@ class ModelTests(NamedTuple):
     `misfit` is the p-value of its residuals under noise; `repeats` are compared in its
     residuals. `classes` are effects that the runs do not separate, `scatter` the
     quantities that differ from run to run beside it, `sized` the model fitted with
-    these, from which sizes are estimated. `places` are where the accepted effects show
-    in the residuals of the base.
+    these, from which sizes are estimated. `places` are tests of all groups of samples
+    for the accepted effects in the residuals of the base.
     """
 
     misfit: float
@@ -159,8 +159,8 @@ class FitResults:
 
     @property
     def places(self) -> Sequence[Bin]:
-        """Groups of samples in which residuals without effects exceed noise or match
-        the accepted effects, the strongest first.
+        """Tests of all groups of samples for residuals without effects that exceed
+        noise or match the accepted effects, the strongest first.
         """
         return stronger_of_two(self.base_fit.places, self.model_tests.places)
 

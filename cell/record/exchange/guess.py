@@ -411,8 +411,6 @@ def _alone(columns: Guesses, strip: StripFile | None) -> Guesses:
 def _grasp_distance(points: Guesses, gripper: Guesses) -> float:
     """Distance [m] from the gripper to the nearest point of the strip, as a median over
     all images; infinity where a unit or zero is open.
-
-    Infinite where a unit or zero is open.
     """
     t, clock = points["t"], gripper["t"].si()
     images = np.flatnonzero(np.diff(t.values, prepend=-np.inf))

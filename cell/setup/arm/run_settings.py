@@ -52,11 +52,11 @@ def agree_to_slow_motion(
     checked: bool = True,
     camera: bool = False,
 ) -> tuple[CellFile, Trial]:
-    """Settings of the cell, with slow speeds unless `full_speed`, and the operator's
-    consent, for a motion by hand or a calibration.
+    """Settings of the cell, with a first run's speeds for a real robot unless
+    `full_speed`, and the operator's consent, for a motion by hand or a calibration.
 
     The doctor checks a real robot first unless `checked` is false, and the `camera` if
-    asked. The robot has the speeds of a first run, unless `full_speed`.
+    asked.
     """
     checks = motion_checks(settings, camera=camera) if checked else ()
     trial = Trial(agreed=consent(settings, ask, checks))
@@ -78,7 +78,7 @@ def await_strip(ask: Callable[[str], str]) -> None:
 
 def slow_down(settings: CellFile) -> CellFile:
     """Copy of the cell's settings for a first run: all speeds are a fixed fraction of
-    those before, and time limits are longer.
+    those before, those of the fold at least LEAST_SPEED, and time limits are longer.
     """
     fold = settings.fold.model_copy(
         update={

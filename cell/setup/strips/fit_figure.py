@@ -59,12 +59,10 @@ def _draw_photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
     """
     photograph = fitted.photograph
     image = photograph.image
-    scale = min(1.0, PICTURE_HEIGHT / image.shape[0])
+    height, width = image.shape[:2]
+    scale = min(1.0, PICTURE_HEIGHT / height)
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    axes.imshow(
-        small[..., ::-1],
-        extent=(-0.5, image.shape[1] - 0.5, image.shape[0] - 0.5, -0.5),
-    )
+    axes.imshow(small[..., ::-1], extent=(-0.5, width - 0.5, height - 0.5, -0.5))
     midline = photograph.points / photograph.pixel * (1, -1)
     axes.plot(*midline.T, color=SEEN_COLOUR, lw=1.6, label="midline")
     if straight is not fitted:
@@ -78,7 +76,7 @@ def _draw_photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
 
     axes.plot(*fitted.curve().T, color=FITTED_COLOUR, lw=0.9, label="fit")
     axes.grid(visible=False)
-    axes.set(xticks=(), yticks=(), xlim=(-0.06 * image.shape[0], image.shape[1]))
+    axes.set(xticks=(), yticks=(), xlim=(-0.06 * height, width))
     axes.spines[:].set_visible(False)
 
 

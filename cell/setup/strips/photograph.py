@@ -282,14 +282,15 @@ def read_photograph(path: Path, overhang: float) -> Photograph:
     midline = _trace_midline(path, image)
     traced = midline.points * (1, -1)
     travel = arc_lengths(traced)
-    pixel = overhang / travel[-1]
+    length = travel[-1]
+    pixel = overhang / length
     count = int(
-        np.clip(travel[-1] / (FIT_SPACING * midline.width), FEWEST_POINTS, MOST_POINTS)
+        np.clip(length / (FIT_SPACING * midline.width), FEWEST_POINTS, MOST_POINTS)
     )
-    arc = np.linspace(0.0, travel[-1], count)
+    arc = np.linspace(0.0, length, count)
     points = _average_points(traced, travel, arc)
     sigma = CORRELATION * max(_roughness(points), PRECISION * midline.width)
-    ends = np.minimum(arc, travel[-1] - arc) < UNSURE_END * midline.width
+    ends = np.minimum(arc, length - arc) < UNSURE_END * midline.width
     return Photograph(
         path=path,
         overhang=overhang,

@@ -184,10 +184,9 @@ class SplitModel:
         """
         for joint in spec.joints:
             flex = joint.parent.add_joint(name=joint.name + FLEX, type=joint.type)
-            # 0 once compiled
             flex.axis = joint.axis
             flex.pos = joint.pos
-            flex.armature = 1.0
+            flex.armature = 1.0  # 0 once compiled
             flex.limited = mujoco.mjtLimited.mjLIMITED_FALSE
 
     def soft(self, edited: Any, readings: Readings) -> Any:

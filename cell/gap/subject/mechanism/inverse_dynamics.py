@@ -168,8 +168,8 @@ class InverseDynamics(MechanismSubject):
         return replace(run, samples=replace(known, noise=noise, reading=reading))
 
     def _content(self, recording: Recording, cut: Cut) -> Content:
-        """Readings `cut` from a run, with torques filtered as the motion is, and
-        without readings near gaps of the record.
+        """Readings `cut` from a run, with all signals low-pass filtered below the
+        cutoff, and without readings near gaps of the record.
         """
         names = [signal.name for signal in self.mechanism.signals]
         motion = motion_of(

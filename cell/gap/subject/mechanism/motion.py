@@ -103,7 +103,7 @@ def _cutoff(recording: Recording, joints: Sequence[str]) -> float:
 
 def _grid(recording: Recording) -> Array:
     """Evenly spaced times [s] over a recording, apart by the median step of its
-    readings.
+    readings, or by more where these would be over GRID times.
     """
     t = recording.t
     end = recording.t[-1]
@@ -119,7 +119,8 @@ def _gaps(
     recording: Recording, names: Sequence[str], grid: Array, longest: float
 ) -> NDArray[np.bool_]:
     """Mask, one value for each time in `grid` [s], of the times between two readings of
-    a column that are more than `longest` [s] apart.
+    a column that are more than `longest` [s] apart, and before its first and after its
+    last.
     """
     gaps = np.zeros(len(grid), dtype=bool)
     for name in names:
@@ -153,6 +154,9 @@ def motion_of(
     raw = _resample(recording, joints, grid)
     measured = _resample(recording, torques, grid)
 
+    # no reading for so long is a gap
+    longest = max(BRIDGED / cutoff, STEPS * np.median(np.diff(recording.t)))
+
     # one filter for both
     wide = min(WIDER * cutoff, 0.8 * np.pi / dt)
     cutoff = min(cutoff, wide)
@@ -160,7 +164,6 @@ def motion_of(
     q = loops.close(filtered.T) if loops else filtered.T
 
     # what is no reading, or none of the mechanics
-    longest = max(BRIDGED / cutoff, STEPS * np.median(np.diff(recording.t)))
     excluded = _gaps(recording, [*joints, *torques], grid, longest)
     excluded |= barred(q, measured)
     stride = max(1, int(1.0 / wide / dt))

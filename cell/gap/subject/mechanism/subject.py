@@ -105,8 +105,7 @@ class Case(NamedTuple):
 
 
 class MechanismSubject(Subject):
-    """Measured runs of one mechanism, as a fit compares them with a model; subclasses
-    predict the signals.
+    """Measured runs of one mechanism, as a fit compares them with a model.
 
     A subclass predicts the signals; at the end of its construction it sets `runs`.
     """

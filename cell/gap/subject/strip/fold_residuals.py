@@ -119,10 +119,10 @@ def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
 @dataclass(frozen=True, slots=True)
 class SampleGroups:
     """Readings of one measured quantity, such as the desk contact, grouped into
-    samples: `order` lists the indices of the readings, and `edges` where each sample
-    begins and the last ends.
+    samples: `order` (n,) lists the indices of the readings, and `edges` (k + 1,) where
+    each sample begins and the last ends.
 
-    `order` (n,) are indices of readings. Of each sample (k,): `phase`, `zone`, mean
+    Of each sample (k,): `phase`, `zone`, mean
     time `t` [s]; `sigma` is that of a reading.
     """
 
@@ -355,10 +355,9 @@ class FoldResiduals:
     def distances(
         self, model: StripModel, motion: SimulatedMotion, points: NDArray[np.int64]
     ) -> Array:
-        """Distances [m] of the measured midline points with the indices `points` from
-        the simulated midline, positive to its left as seen from the fixed edge.
-
-        `points` (n,) are their indices.
+        """Distances (n,) [m] of the measured midline points with the indices `points`
+        (n,) from the simulated midline, positive to its left as seen from the fixed
+        edge.
         """
         _, places, image, s = self.run.images
         distances = np.empty(len(points))

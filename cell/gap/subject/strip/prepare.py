@@ -137,8 +137,6 @@ def prepare_runs(
 ) -> list[FitRun]:
     """Runs for a fit from measured folds, without those that have no sample; `scatter`
     lists the quantities that may differ from run to run.
-
-    `scatter` are the quantities that may differ from run to run.
     """
     every = [_fold(run, strip) for run in runs]
     found = [fold for fold in every if len(fold.samples)]

@@ -57,14 +57,16 @@ def connections(monkeypatch) -> list[str]:
 
 
 @pytest.mark.parametrize("words", COMMANDS)
-@pytest.mark.parametrize("robot", [NOWHERE, "127.0.3.9, ask: true"])
+@pytest.mark.parametrize(
+    ("robot", "typed"), [(NOWHERE, "yes"), ("127.0.3.9, ask: true", "Twin-Cell")]
+)
 def test_nothing_moves_without_the_cell_s_name(
-    robot, words, configs, connections, monkeypatch, capsys, tmp_path
+    robot, typed, words, configs, connections, monkeypatch, capsys, tmp_path
 ) -> None:
     file = configs / "cell.yaml"
     file.write_text(file.read_text().replace(NOWHERE, robot))
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.stdin", io.StringIO("Twin-Cell\n"))
+    monkeypatch.setattr("sys.stdin", io.StringIO(f"{typed}\n"))
     monkeypatch.setattr("cell.setup.doctor.doctor.checks", lambda *_: iter(()))
     monkeypatch.setattr("cell.setup.doctor.doctor._robot_checks", lambda *_: iter(()))
     assert run(monkeypatch, words, "--configs", configs) == 3

@@ -79,8 +79,9 @@ def simulate_fold(
     while t[-1] * speed < path.length and (
         touch is None or t[-1] < touch.time + TIME_AFTER_TOUCH
     ):
-        t.append(t[-1] + STEP)
-        poses.append(path.poses(min(t[-1] * speed, path.length)))
+        now = t[-1] + STEP
+        t.append(now)
+        poses.append(path.poses(min(now * speed, path.length)))
         touch = chain.step(poses[-1][None], STEP).touch[0]
         shapes.append(chain.shapes()[0].copy())
     return TwinFold(

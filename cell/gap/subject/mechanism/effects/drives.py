@@ -2,6 +2,7 @@
 stated.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -181,18 +182,29 @@ SENSOR_DELAY = MechanismEffect(
     read="delay",
     revealed_by="fast motion there and back",
 )
+
+
+def _encoder_errors(
+    key: str, unit: str, largest: float, spread: float
+) -> Callable[[Mechanism], tuple[Parameter, ...]]:
+    """Function from a mechanism to an error, in `unit`, of each of its encoders: up to
+    `largest` of either sign, with a prior of the standard deviation `spread`.
+    """
+    return lambda m: errors(
+        key=key,
+        unit=unit,
+        names=m.mode.encoders(m),
+        low=-largest,
+        high=largest,
+        spread=spread,
+    )
+
+
 ENCODER_BIAS = MechanismEffect(
     name="encoder_bias",
     sentence="encoders read a constant too much or too little",
     of="rig",
-    parameters=lambda m: errors(
-        key="bias",
-        unit="rad",
-        names=m.mode.encoders(m),
-        low=-0.2,
-        high=0.2,
-        spread=0.03,
-    ),
+    parameters=_encoder_errors("bias", unit="rad", largest=0.2, spread=0.03),
     read="bias",
     modes=MODES,
     revealed_by="hold still in several poses",
@@ -203,14 +215,7 @@ ENCODER_SCALE = MechanismEffect(
     of="rig",
     # discs and gears count exactly, potentiometers and belts are within half a percent;
     # beyond 2 % lines or teeth would be miscounted, which any stop shows
-    parameters=lambda m: errors(
-        key="scale",
-        unit="1",
-        names=m.mode.encoders(m),
-        low=-0.02,
-        high=0.02,
-        spread=0.005,
-    ),
+    parameters=_encoder_errors("scale", unit="1", largest=0.02, spread=0.005),
     read="scale",
     revealed_by="large motion to both stops",
 )
