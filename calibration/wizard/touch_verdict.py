@@ -344,8 +344,8 @@ def _found(verdict: TouchVerdict) -> tuple[Line, ...]:
 def _halves_mm(
     points: Sequence[TouchedPoint], lens: Lens, settings: TouchSettings
 ) -> float:
-    """Difference [mm], over the work area, between the two maps that are fitted to
-    random halves of `points`; NaN where there are too few of them.
+    """Largest difference [mm], over the work area, between the two maps that are fitted
+    to random halves of `points`; NaN where there are too few of them.
     """
     if len(points) < 2 * HALF_POINTS:
         return nan

@@ -217,7 +217,7 @@ def _nearest_length(refused: Feasibility) -> Iterator[str]:
         length = step * LENGTH_STEP
         strip = request.strip.model_copy(update={"length": length})
         share = length / request.strip.length
-        at = request.at and request.at * share
+        at = None if request.at is None else request.at * share
         cut = replace(request, strip=strip, at=at)
         return bool(_foresee(cut, refused.seen_by).problems)
 

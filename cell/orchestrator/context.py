@@ -96,7 +96,8 @@ class FoldLog(Log):
     """Findings of a fold: whether the strip was `released`, and the preflight's
     `warning` for the operator.
 
-    Of the pushes of the laid edge its bent layer took up `bent` [m], by the camera.
+    Of the pushes of the laid edge its bent layer took up `bent` [m], by the camera; 0
+    unless they end with the edge in place.
     """
 
     released: bool = False
@@ -131,9 +132,10 @@ class FoldLog(Log):
                 " strip sprang open or is hidden; look at it, and lay it again",
                 1,
             )
-        for worst in disagreements(self.witnesses, REFUTED):
-            reason = doubts(self.witnesses)[worst.name]
-            return Outcome(f"{worst.name}_apart", reason, 1)
+        refuted = disagreements(self.witnesses, REFUTED)
+        if refuted:
+            name = refuted[0].name
+            return Outcome(f"{name}_apart", doubts(self.witnesses)[name], 1)
         return Outcome("layer_touch", "the layers touch", 0)
 
 

@@ -212,10 +212,11 @@ def fold(
         if measurement is None:
             continue
         offsets.append(held_end_offset(measurement))
-        if snapshot.view.touch is not None:
-            log.seen_touch = snapshot.view.touch
+        touch = snapshot.view.touch
+        if touch is not None:
+            log.seen_touch = touch
             log.witnesses += compare_grip(offsets, given.calibration.residual)
-            log.check_displacement(snapshot.view.touch, given.expected)
+            log.check_displacement(touch, given.expected)
             return Trigger.LAYER_TOUCH
         decision = given.policy.decide(
             observation(snapshot.time, snapshot.arm.pose, measurement)
@@ -263,13 +264,14 @@ def _record_prediction(
     if not isinstance(policy, Predictor):
         return
     was_blind = log.predicted is not None and log.predicted.blind
-    log.predicted = policy.prediction()
-    if log.predicted is None:
+    predicted = policy.prediction()
+    log.predicted = predicted
+    if predicted is None:
         return
-    record.event(snapshot.time, "foretold", **asdict(log.predicted))
-    if log.predicted.blind and not was_blind:
+    record.event(snapshot.time, "foretold", **asdict(predicted))
+    if predicted.blind and not was_blind:
         record.event(snapshot.time, "policy_blind", path="shifted")
-    elif was_blind and not log.predicted.blind:
+    elif was_blind and not predicted.blind:
         record.event(snapshot.time, "policy_sees", path="its own")
 
 

@@ -66,8 +66,8 @@ def _fisher(
     """Factors a, b, det of Fisher's discriminant w = (a c + b s) / det between a
     strip's colour c and a scene's colour s.
 
-    Of a strip's colour c and a scene's colour s, w = S^-1 (c - s), with the scatter S =
-    variance I + SHADE^2 c c' + shade^2 s s' of sensor, strip and scene. The first three
+    w = S^-1 (c - s), with the scatter S = variance I + SHADE^2 c c' + shade^2 s s' of
+    sensor, strip and scene. The first three
     arguments are the products c's, c'c and s's.
     """
     strip_shade = np.float32(SHADE * SHADE)
@@ -88,9 +88,9 @@ def discriminants(
     """Squared separation (n,) [sigma^2] of a strip's `colour` (3,) from the colours
     `scene` (n, 3) of its background.
 
-    Of `colour` (3,) from `scene` (n, 3), whose brightness may differ by the share
-    `shade` (n,); `variance` is the sensor's [grey levels squared]. Also returns the
-    length (n,) [1/grey level] of Fisher's discriminant w of `_fisher`.
+    The brightness of the scene may differ by the share `shade` (n,); `variance` is the
+    sensor's [grey levels squared]. Also returns the length (n,) [1/grey level] of
+    Fisher's discriminant w of `_fisher`.
     """
     strip_scene = (scene * colour).sum(axis=1)
     strip_strip = (colour * colour).sum()

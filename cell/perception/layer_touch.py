@@ -190,8 +190,8 @@ def _closing_time(
     """Time [s] at which the layers' gap closed to `end` [m], and its closing speed
     [m/s]; None if it stays open.
 
-    The line through the last three gaps above `level` is extrapolated to `end`: later
-    ones may be at rest already.
+    The last gap above `level` is extrapolated to `end` at the slope of the last three,
+    no later than the next image allows: later gaps may be at rest already.
     """
     crossings = np.flatnonzero((gap[:-1] > level) & (gap[1:] <= level))
     if len(crossings) == 0 or crossings[-1] == 0:
@@ -221,8 +221,8 @@ def _falls_slower(t: Array, gap: Array, time: float, speed: float) -> bool:
 
 
 def _end_of_fall(t: Array, gap: Array, time: float, speed: float) -> float:
-    """Time [s] at which a fold stopped falling: where the line fitted to its closing
-    gap meets the gap at rest.
+    """Time [s] at which a fold stopped falling: where its last gap above that at
+    rest, which closes at `speed` [m/s], meets it.
     """
     rest = np.median(gap[t >= time])
     moving = gap > rest + RISE_SHARE * speed * np.median(np.diff(t))

@@ -100,10 +100,10 @@ def disagreements(
 
 
 def doubts(witnesses: Sequence[LengthCheck]) -> dict[str, str]:
-    """Reasons to doubt lengths, by name: those of `disagreements`.
+    """Reasons to doubt lengths, by name: of the displacement from SURPRISING spreads
+    on, of the cell's lengths from DOUBTED on.
 
-    Lengths of the cell have one reason: the worst, and the causes that explain them
-    all.
+    The latter have one reason: the worst, and the causes that explain them all.
     """
     reasons = {
         check.name: f"{check.sentence()}; {CHANGED}"

@@ -108,8 +108,8 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> DeskContact:
 
 
 def _piece_ends(strip: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Indices (k,) at which pieces of strip end in the mask `strip` (n,), the last
-    index of the mask included.
+    """Indices (k,) at which pieces of strip end in the mask `strip` (n,), its last
+    index included where that is strip.
     """
     # in the run up to each sample
     counts = np.convolve(strip, np.ones(SURE_COUNT), mode="full")
@@ -175,9 +175,7 @@ GAP_OPENING = 0.004  # m from which layers count as apart
 
 class Matte(NamedTuple):
     """Matte of the strip in a `region` of a frame: the fraction of strip in each pixel
-    as grey `levels` (h, w), and `smooth` ones.
-
-    Grey levels are of the strip's share in a pixel, see `kernels.strip_share`.
+    as grey `levels` (h, w), see `kernels.strip_share`, and `smooth` ones.
     """
 
     levels: Image

@@ -401,12 +401,15 @@ def inspect(frame: Frame, calibration: Calibration, strip: StripFile) -> Preflig
     if refused:
         return Preflight(refused, appearance=None)
 
-    first = judged = _inspect_at(image, calibration, strip)
-    # on z = 0 of a map that is off, the desk lies where a thin strip should
-    for rise in RISES:
-        if judged.appearance is None:
-            judged = _inspect_at(image, calibration, strip, rise)
-    return first if judged.appearance is None else judged
+    first = _inspect_at(image, calibration, strip)
+    if first.appearance is not None:
+        return first
+
+    # on z = 0 of a map that is off, the desk lies where a thin strip should: what is
+    # seen elsewhere says why, and never passes
+    elsewhere = (_inspect_at(image, calibration, strip, rise) for rise in RISES)
+    seen = next((each for each in elsewhere if each.appearance is not None), first)
+    return first if all(check.passed for check in seen.checks) else seen
 
 
 def _inspect_at(

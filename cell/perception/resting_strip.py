@@ -19,7 +19,7 @@ THIN = 0.002
 BACKDROP_HEIGHTS = (0.06, 0.25)  # m of height where the backdrop shows
 SEARCH = 0.008  # m above and below rest in which the underside is searched
 FACE = 0.7  # share of the strip's face, from the near edge on, that shows its colour
-INNER = (0.3, 0.6)  # shares of the strip's length well inside it
+INNER = (0.3, 0.6)  # shares of the height of the strip's face, well inside it
 DEGREE = 3  # of the polynomial that the homography's remainder follows
 PAST_END = 0.06  # m past its stated length up to which the strip is searched
 

@@ -101,7 +101,7 @@ def outer_side(
     mask: Image, contact: Array, grip: FingerZone, sizes: Sizes
 ) -> Side | None:
     """Outer side of the strip in `mask` (h, w), from the desk contact `contact` (2,)
-    [px] to the fingers; None where no side is visible.
+    [px] to the fingers.
 
     A point every OUTLINE_STEP. With the strip on its left the outline runs from under
     the contact around the fold, up to the fingers. None where no region of strip is

@@ -84,8 +84,8 @@ def _sphere_centres(q: Array) -> Array:
 
 
 def self_clearance(q: Array) -> Array:
-    """Distance (...,) [m] of forearm and hand from the upper arm at joints (..., 7)
-    [rad].
+    """Distance (...,) [m] of the wrist and hand from the base and the upper arm at
+    joints (..., 7) [rad]; negative where they overlap.
     """
     centres = _sphere_centres(q)
     low = centres[..., _LOW, :]

@@ -447,8 +447,8 @@ def _largest_difference(
 
 
 def _distance(state: Any, setpoint: JointSetpoint) -> float:
-    """Largest difference [rad] of the robot's joints in `state` from those of
-    `setpoint`.
+    """Largest difference [rad] of the joints that `state` reports as commanded from
+    those of `setpoint`, rounded as the report is.
     """
     rounded = np.float32(setpoint.position)
     return float(np.abs(np.subtract(state.q_d, rounded)).max())

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+from numpy.linalg import norm
 
 from cell.base.config.cell import CellFile
 from cell.base.config.places import Configs
@@ -48,7 +49,7 @@ def mounting_from_points(points: Array, length: float) -> Mounting:
     """
     fixed, other, beside = points
     along = other - fixed
-    distance = float(np.linalg.norm(along))
+    distance = float(norm(along))
     if not abs(distance - length) <= STRETCH:  # true for NaN
         raise CellError(
             f"register: the edges are {in_mm(distance, 1)} apart, the strip is"
@@ -56,12 +57,12 @@ def mounting_from_points(points: Array, length: float) -> Mounting:
             " edges again"
         )
     normal = np.cross(along, beside - fixed)
-    if not np.linalg.norm(normal) >= OFF_LINE * distance:
+    if not norm(normal) >= OFF_LINE * distance:
         raise CellError(
             "register: the third point is too near the strip; allowed: at least"
             f" {OFF_LINE:.1f} m beside it; touch it again"
         )
-    tilt = float(np.arccos(np.clip(abs(normal[2]) / np.linalg.norm(normal), 0.0, 1.0)))
+    tilt = float(np.arccos(np.clip(abs(normal[2]) / norm(normal), 0.0, 1.0)))
     if not tilt <= MOST_TILT:
         raise CellError(
             f"register: the desk is tilted by {np.degrees(tilt):.2f} deg to the robot's"

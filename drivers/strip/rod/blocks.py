@@ -49,9 +49,7 @@ def _copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
 @kernel
 def _finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) -> None:
     """Write shapes and observables of the strips of block `b` at the end of a step, and
-    end those that are done.
-
-    Ends those in the lanes `unsolved`, which failed to converge, and those that have
+    end those in the lanes `unsolved`, which failed to converge, and those that have
     touched.
     """
     k = moment.k
@@ -99,8 +97,8 @@ def _write_observables(batch: Any, b: int, lane: int, midline: Any, row: Any) ->
 
 @kernel
 def _watch_gap(monitor: Any, gap: Any, moment: Any) -> Any:
-    """Store the strip's layer gap, as height, x and arc length [m], in its `monitor`;
-    returns whether it closed, with the place of the touch.
+    """Store the strip's layer gap, as height, x and arc length [m], in its `monitor`
+    and, where it closed, the time and place of the touch; returns whether it did.
     """
     touched = gap[0] <= monitor[at.TOUCH_GAP]
     if touched:

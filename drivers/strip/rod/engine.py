@@ -307,7 +307,7 @@ def _trace_in_pieces(
     """Yield the strips' traces along gripper `poses` (k, n, 3) [m, m, rad], in pieces
     of PIECE_TIME seconds, until all strips have ended.
 
-    Strip i ends after `counts[i]` steps at the latest; `dt`, `every` are as in
+    Strip i ends with the piece in which step `counts[i]` lies; `dt`, `every` are as in
     `Rod.trace`.
     """
     stride = max(every, 1)

@@ -26,7 +26,7 @@ STILLING = tuple(PERIOD * 2**i for i in range(10))
 
 def lift_path(batch: Batch, start: Array) -> Array:
     """Gripper path (k, n, 3) [m, m, rad] that lifts n flat strips to the gripper poses
-    `start` (n, 3): up, then inwards.
+    `start` (n, 3), in an arc that begins upwards.
 
     The height grows with the root of the inward distance, so that the edge stays within
     the strip's reach.

@@ -229,7 +229,7 @@ def store_history(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
 @kernel
 def predict_terms(block: Any, rate: Any, weights: Any) -> None:
     """Write into the block's `work` the drag matrices, and the BDF2 combinations of
-    past Maxwell strains, for the coming step.
+    past Maxwell strains, for the coming step, and mark each end's slip as untried.
     """
     state = block.state
     newest, older = weights

@@ -48,7 +48,7 @@ class Grips(NamedTuple):
     """Gripper poses of all n strips before and after a step, and which strips the lanes
     of one block hold.
 
-    `strips` (LANE_COUNT,) are the strips that the lanes hold, `alive` whether each is
+    `strips` are those that the lanes hold, LANE_COUNT or one, `alive` whether each is
     still simulated; `before` (n, 3) are the poses before the step, `poses` (n, 3) those
     after it.
     """
@@ -86,7 +86,8 @@ def _predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
     """Extrapolate the free nodes over a step of `h` [s], and store the values that BDF2
     combines: history and bases.
 
-    The base of a node and of its velocity (see the module) go into the work array.
+    The base of a node, and where the base of its velocity (see the module) would take
+    it, go into the work array.
     """
     state = block.state
     work = block.work
@@ -221,7 +222,7 @@ def _slide_in_grip(block: Any, alive: Any) -> None:
     """Lengthen the segment at the gripper by what slid out of it in this step.
 
     That piece is straight and massless, valid for a few per cent of the strip. Arc
-    lengths end at the edge that was grasped, so l1 does not grow by it.
+    lengths end at the edge that was grasped, so the upper layer does not grow by it.
     """
     state = block.state
     r = state.shape[0] - 3

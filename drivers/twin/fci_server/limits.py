@@ -78,7 +78,7 @@ class BodyCheck:
 
     def check(self, q: Array) -> None:
         """Raise Violation where joints `q` (7,) [rad] bring the arm into itself or a
-        solid.
+        solid deeper than at the last check: it may leave a touch.
         """
         travel = LEVER * float(np.abs(q - self._checked_q).sum())
         if travel < self._room:

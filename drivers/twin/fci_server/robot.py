@@ -134,7 +134,7 @@ class LateReply:
 @dataclass(slots=True)
 class EmulatedRobot:
     """Emulated robot, advanced in ticks of 1 ms; `time` [ms] counts these, and `ticks`
-    the commands that it has executed.
+    the commands that it has tried to follow, also those made up for lost ones.
     """
 
     posture: Posture
@@ -364,7 +364,7 @@ class EmulatedRobot:
 
     def _check_contact(self) -> None:
         """Estimate the contact from all forces on the tool, and stop by a reflex where
-        it exceeds a threshold.
+        it exceeds a collision threshold in a motion.
         """
         force = self.pushed
         if self.push is not None:

@@ -211,8 +211,7 @@ class RobotServer:
 
     def _disconnect(self) -> None:
         """Close both ports and all sockets of the server; allowed twice."""
-        is_open = self._bell.fileno() >= 0
-        if is_open:
+        if self._bell.fileno() >= 0:  # else it is closed already
             self._arm.close()
             self._hand_port.close()
             self._bell.close()

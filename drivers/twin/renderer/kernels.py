@@ -117,9 +117,9 @@ def _gather(
     """Add to `sums` the part of each point that falls to one `corner` (row, column) of
     the 2 x 2 pixels around it.
 
-    `points` (4, n) are u, v [px], area and brightness, `tint` (n, c) their colours; the
-    first pixel of the window is `origin` (u, v). `count` pixels have a sum so far;
-    returns how many have one now.
+    `points` (6, n) begin with u, v [px], area and brightness, `tint` (n, c) their
+    colours; the first pixel of the window is `origin` (u, v). `count` pixels have a sum
+    so far; returns how many have one now.
     """
     numbers = sums.numbers
     rows, columns = numbers.shape

@@ -128,8 +128,8 @@ def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
     """Brightness factor (height, 1) of each row of a frame exposed about `stamp` [s]
     under the flickering `light`.
 
-    The lamp's power falls to zero twice a mains period; the average over an `exposure`
-    [s] follows the sinc of its fraction of that period.
+    The light dims by its `depth` twice a mains period; the average over an `exposure`
+    [s] follows the sinc of its fraction of half that period.
     """
     rate = 2 * light.mains
     rows = stamp + light.readout * (np.arange(height) / height - 0.5)

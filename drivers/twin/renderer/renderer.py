@@ -246,7 +246,7 @@ class Renderer:
         ]
 
     def _lit(self, image: Image, scene: WorldState, hand: Sequence[Outline]) -> Image:
-        """Copy of `image` (h, w, 3) with the arm's shadow and flicker, where the look
+        """`image` (h, w, 3) with the arm's shadow and flicker: a copy, where the look
         has them.
         """
         surround = self._surround

@@ -1,6 +1,7 @@
 """One picture before grasping: what passes, what is refused and what it tells to do."""
 
 import re
+from itertools import chain, repeat
 from types import SimpleNamespace
 
 import numpy as np
@@ -110,6 +111,14 @@ def test_map_that_is_off_in_height_is_told_of_a_thin_strip_and_no_cloth() -> Non
     moved = flat() - (0.0, 0.005)
     judged = _judged(_picture(moved, StripLook.from_file(thin)), thin)
     assert _failed(judged) == ["on the desk plane"]
+
+
+def test_strip_that_passes_only_off_the_desk_is_refused(monkeypatch) -> None:
+    refused, seen = Preflight((), None), Preflight((), object())
+    judged = chain([refused], repeat(seen))
+    place = "cell.perception.preflight._inspect_at"
+    monkeypatch.setattr(place, lambda *_: next(judged))
+    assert _judged(_picture(flat(), LOOK)) is refused
 
 
 def test_empty_desk_is_refused_and_says_what_to_do() -> None:

@@ -40,10 +40,11 @@ def test_a_study_is_drawn_from_its_seed_and_travels(name: str) -> None:
     cases = study.cases(3, min(study.usual, 30))
     assert study.cases(3, 2) == cases[:2]
     assert len({case.key for case in cases}) == len(cases)
-    assert json.loads(json.dumps(cases[0].values, allow_nan=False)) == cases[0].values
+    values = cases[0].values
+    assert json.loads(json.dumps(values, allow_nan=False)) == values
     part = StudyRequest(study, 3, 5, Path("out")).parts()[0]
     assert pickle.loads(pickle.dumps(part)) == part  # noqa: S301  of our own
-    assert set(study.by) <= set(cases[0].values)
+    assert set(study.by) <= set(values)
     assert study.question.endswith("?")
     assert study.name.replace("-", "_") == study.measure.__module__.rsplit(".", 1)[1]
     assert study.quick <= study.usual
@@ -99,11 +100,12 @@ def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> N
 
 
 def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:
-    listed = CliRunner().invoke(app, ["study"])
+    invoke = CliRunner().invoke
+    listed = invoke(app, ["study"])
     assert listed.exit_code == 0
     assert all(name in listed.output for name in studies())
     filled(StudyRequest(study_of("looks"), 0, 6, tmp_path), 4 * [{"error": 0.001}])
-    shown = CliRunner().invoke(app, f"study looks --count 6 --out {tmp_path} --show")
+    shown = invoke(app, f"study looks --count 6 --out {tmp_path} --show")
     assert shown.exit_code == 0
     assert "4 of 6 so far" in shown.output
     assert "no outcome after 600 s" in (tmp_path / "table.md").read_text()
@@ -112,7 +114,7 @@ def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:
         *(["--shard", wrong] for wrong in ("0/3", "4/3", "a")),
         ["--show", *out],
     ):
-        refused = CliRunner().invoke(app, ["study", "looks", *words])
+        refused = invoke(app, ["study", "looks", *words])
         assert isinstance(refused.exception, ConfigurationError)
-    unknown = CliRunner().invoke(app, "study unkown")
+    unknown = invoke(app, "study unkown")
     assert "'unkown' is not known (did you mean 'unknown'?)" in str(unknown.exception)

@@ -58,18 +58,19 @@ def test_corrected_arm_reports_where_the_edge_truly_is(
     turns.
     """
     twin, arm = _affected(name, values)
+    wait_until = twin.clock.wait_until
     arm.move_to(Pose(0.6, 0.0, 0.0))
-    twin.clock.wait_until(2.0)
+    wait_until(2.0)
     twin.hand.grasp()
-    twin.clock.wait_until(3.0)
+    wait_until(3.0)
     told, steps = [], Steps(twin.world)
     for k in range(250):
         arm.set_velocity(Velocity(-0.05, 0.07 if k < 180 else -0.07, 0.6))
-        twin.clock.wait_until(3.0 + 0.01 * (k + 1))
+        wait_until(3.0 + 0.01 * (k + 1))
         state = arm.state()
         told.append([state.stamp, *state.pose.as_array(), state.velocity.vz])
     arm.stop()
-    twin.clock.wait_until(6.0)
+    wait_until(6.0)
     truth, rows = steps.truth(), np.array(told)
     edge = [np.interp(rows[:, 0], truth.t, truth.edge[:, c]) for c in range(3)]
     off = np.abs(rows[:, 1:4].T - edge)
