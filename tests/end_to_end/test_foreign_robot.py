@@ -46,7 +46,7 @@ REALTIME = "ignore" if os.geteuid() else "priority"
 # images come late where robot, arm, twin and reading share two processors
 AGES = "monitors: {image_age: 0.5, image_wait: 0.5, reading: 0.5}\n"
 # as many images as two processors draw and read beside the robot
-CAMERA = "  camera: {rate: 20, transport_delay: 0.06}\n"
+CAMERA = "  camera: {rate: 10, transport_delay: 0.06}\n"
 DENIM = ("--strip", "denim")
 # joint 7 of that robot creeps with each client
 JOGS = {"--z": 2, "--x": 1}  # axis of the robot's base
