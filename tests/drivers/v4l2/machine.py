@@ -31,7 +31,11 @@ SECTOR = 512
 DIRECTORY, PROGRAM, DEVICE, MODULE = 0o040755, 0o100755, 0o020600, 0o100644
 CHECKOUT = Path(__file__).parents[3]
 BEGIN, END = "the machine begins", "the machine ends with"
-VIVID = "n_devs=1 node_types=0x1 num_inputs=2 input_types=0xc"
+# a camera, with HDMI as its second input, and an HDMI output plugged into that
+VIVID = (
+    "n_devs=1 node_types=0x101 num_inputs=2 input_types=0xc num_outputs=1"
+    " output_types=0x1"
+)
 PACKAGES = "qemu-system-x86 busybox-static"
 
 SCRIPT = """#!/bin/busybox sh
@@ -242,7 +246,7 @@ def find_machine() -> Machine | str:
 def _hardware(console: Path) -> list[str]:
     share = "local,id=host,path=/,security_model=none,readonly=on,multidevs=remap"
     return [
-        *("-machine", "pc,accel=tcg", "-cpu", "Nehalem", "-m", "1536"),
+        *("-machine", "pc,accel=tcg", "-cpu", "max", "-m", "3072"),
         *("-icount", "shift=0,sleep=off"),
         *("-nodefaults", "-no-reboot", "-nographic", "-serial", f"file:{console}"),
         *("-serial", "stdio"),
@@ -265,14 +269,16 @@ def _script(command: Sequence[str], modules: int) -> str:
     )
 
 
-def beside_vivid(folder: Path, module: str, *, seconds: float) -> Iterator[str]:
-    """Lines that `module` writes; the test is skipped, or fails, where vivid cannot be
+def beside_vivid(
+    folder: Path, module: str, *arguments: str, seconds: float
+) -> Iterator[str]:
+    """Lines that `module` writes, called with `arguments`; the test is skipped, or fails, where vivid cannot be
     had.
 
     The host's own vivid is used where it is loaded and may be unbound; `folder` is for
     the boot.
     """
-    command = [sys.executable, "-m", module]
+    command = [sys.executable, "-m", module, *arguments]
     if os.access(DRIVER / "unbind", os.W_OK):
         done = subprocess.run(
             command,

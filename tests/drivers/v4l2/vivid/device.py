@@ -85,11 +85,11 @@ class Vivid:
         with self.device() as device:
             return controls_of(device)
 
-    def node(self) -> str:
-        """vivid's node, whatever its number."""
+    def node(self, kind: str = "vid-cap") -> str:
+        """vivid's node of its camera or another `kind`, whatever its number."""
         names = Path("/sys/class/video4linux").glob("video*/name")
         return next(
-            f"/dev/{name.parent.name}" for name in names if "vivid" in name.read_text()
+            f"/dev/{name.parent.name}" for name in names if kind in name.read_text()
         )
 
     def plug(self) -> None:

@@ -1,9 +1,12 @@
 """Checks of what is agreed with vivid: formats, sizes, rates, controls."""
 
+import cv2
 import numpy as np
 
+from calibration.board import BoardSettings, find_board
 from drivers.v4l2.device import CameraRefused
 from tests.drivers.v4l2.vivid.device import START, Vivid, frames, raising
+from tests.drivers.v4l2.vivid.screen import SIGNAL, filmed_screen
 
 BAYER = ("RGGB", "GRBG", "BA81", "GBRG")
 
@@ -36,6 +39,17 @@ def check_what_the_camera_lacks_is_refused_with_its_offer(vivid: Vivid) -> None:
     ):
         with raising(CameraRefused, *words), vivid.camera(**asked):
             pass
+
+
+def check_board_on_a_screen_is_found(vivid: Vivid) -> None:
+    board = BoardSettings().board()
+    sheet = board.generateImage((SIGNAL["width"], SIGNAL["height"]), marginSize=40)
+    with filmed_screen(vivid) as screen, vivid.camera(**SIGNAL) as camera:
+        screen.show(cv2.cvtColor(sheet, cv2.COLOR_GRAY2BGR))
+        image = frames(camera, 10)[-1].image
+    found = find_board(image, cv2.aruco.CharucoDetector(board), board)
+    columns, rows = board.getChessboardSize()
+    assert found.corners == (columns - 1) * (rows - 1), f"{found.corners} corners"
 
 
 def check_rates_are_kept(vivid: Vivid) -> None:
