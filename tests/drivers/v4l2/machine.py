@@ -12,7 +12,6 @@ import os
 import re
 import shlex
 import shutil
-import struct
 import subprocess
 import sys
 import threading
@@ -26,8 +25,6 @@ from tests.drivers.v4l2.vivid.device import DRIVER
 
 WANTED = ("virtio_pci", "9pnet_virtio", "9p", "vivid")
 FOLDER = "CELL_KERNEL"
-SETUP_SECTORS, PAYLOAD_OFFSET, PAYLOAD_LENGTH = 0x1F1, 0x248, 0x24C
-SECTOR = 512
 DIRECTORY, PROGRAM, DEVICE, MODULE = 0o040755, 0o100755, 0o020600, 0o100644
 CHECKOUT = Path(__file__).parents[3]
 BEGIN, END = "the machine begins", "the machine ends with"
@@ -84,18 +81,6 @@ def unpacked() -> Path:
     """Where a downloaded kernel package is unpacked."""
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return Path(os.environ.get(FOLDER) or cache / "folding-cell" / "kernel")
-
-
-def uncompressed(image: bytes) -> bytes:
-    """The ELF inside a bzImage packed with xz, which boots five times faster; else the
-    image.
-    """
-    start = (image[SETUP_SECTORS] + 1) * SECTOR + struct.unpack_from(
-        "<I", image, PAYLOAD_OFFSET
-    )[0]
-    length = struct.unpack_from("<I", image, PAYLOAD_LENGTH)[0]
-    payload = image[start : start + length]
-    return lzma.decompress(payload[:-4]) if payload.startswith(b"\xfd7zXZ") else image
 
 
 def module_order(modules: Path) -> list[Path]:
@@ -179,9 +164,7 @@ class Machine:
         The boot files are made in `folder`. The command may write to /run alone. After
         `seconds` the machine is switched off.
         """
-        image, files = folder / "vmlinux", folder / "initrd"
-        if not image.exists():
-            image.write_bytes(uncompressed(self.kernel.image.read_bytes()))
+        files = folder / "initrd"
         modules = module_order(self.kernel.modules)
         files.write_bytes(
             initial_file_system(
@@ -192,7 +175,7 @@ class Machine:
             self.emulator,
             *_hardware(folder / "console"),
             "-kernel",
-            image,
+            self.kernel.image,
             "-initrd",
             files,
         ]

@@ -99,35 +99,6 @@ def test_poll_error_without_a_frame_does_not_spin(kernel, camera) -> None:
     kernel.faults.stuck = False
 
 
-def test_unplugged_camera_is_lost_at_once_and_nothing_stays_held(
-    kernel, camera
-) -> None:
-    kernel.unplug()
-    with pytest.raises(CameraLost, match="plug the camera in"):
-        camera.read(ALWAYS, 5.0)
-    go_on(kernel, 0.2)
-    assert kernel.opened == set()
-    assert kernel.mapped == 0
-
-
-def test_replugged_camera_is_locked_again_and_numbers_go_on(kernel) -> None:
-    with connected(kernel, controls={"brightness": 99}) as camera:
-        go_on(kernel, 0.2)
-        before = newest(camera)
-        kernel.unplug()
-        go_on(kernel, 1.0)
-        with pytest.raises(CameraLost, match="No such file"):
-            newest(camera)
-        kernel.plug()
-        assert kernel.knobs["Brightness"].value == 128
-        go_on(kernel, 0.5)
-        with pytest.raises(CameraLost):
-            newest(camera)
-        frame = camera.read(before.stamp, 0.0)
-    assert frame.sequence == pytest.approx(before.sequence + 90, abs=3)
-    assert kernel.knobs["Brightness"].value == 99
-
-
 def test_other_camera_at_the_link_is_refused_by_name(kernel, camera) -> None:
     kernel.unplug()
     kernel.size = (32, 24)

@@ -8,10 +8,7 @@ import pytest
 import yaml
 
 from cell.base.config.places import find_configs
-from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.strip.runs import read_runs
 from cell.record.run import read_run
-from drivers.strip.describe import load_strip
 from policies.experiments.standard import STANDARD
 from tests.lab.exam import through_images
 from tests.lab.exam.case import Case
@@ -91,14 +88,3 @@ def test_the_exam_changes_nothing_of_a_cell_but_its_plant() -> None:
         same = changed.model_copy(update={"twin": settings.twin})
         assert same == settings
         assert changed.twin.camera == settings.twin.camera
-
-
-@pytest.mark.long
-def test_the_runs_of_a_fine_plant_are_made_and_read(tmp_path: Path) -> None:
-    made = images(clock_drift={"drift": 0.003}, static_cling={"pressure": 1.0})
-    make_runs(made, tmp_path)
-    runs = read_runs(
-        find_runs([tmp_path]), load_strip(find_configs(None).strip_path("denim"))
-    )
-    assert [run.index for run in runs] == list(range(len(STANDARD) + 2))
-    assert all(not run.notes for run in runs)

@@ -1,7 +1,7 @@
 """Checks of the camera driver on the kernel's vivid driver, run where it is loaded.
 
-`python -m tests.drivers.v4l2.vivid.checks` prints a line of JSON for each: no test
-framework, because it runs on an emulated machine. No latency is judged but the one of
+`python -m tests.drivers.v4l2.vivid.checks` prints a line of JSON for each, which a
+test reads outside of the emulated machine. No latency is judged but the one of
 an unplug.
 """
 
@@ -11,6 +11,8 @@ import time
 import traceback
 from collections.abc import Callable
 from types import ModuleType
+
+import pytest
 
 from tests.drivers.v4l2.vivid import faults, pictures, stream
 from tests.drivers.v4l2.vivid.device import Vivid
@@ -36,7 +38,7 @@ def main(wanted: list[str]) -> None:
         try:
             CHECKS[name](vivid)
             problem = None
-        except Exception:  # noqa: BLE001 - the next check is to run too
+        except (Exception, pytest.fail.Exception):  # noqa: BLE001 - others are to run
             problem = traceback.format_exc()
         seconds = round(time.monotonic() - begun, 2)
         print(

@@ -37,7 +37,7 @@ class Vivid:
     def settings(self, **changed: object) -> V4l2Settings:
         """640x360 YUYV at 30 Hz unless `changed`."""
         usual = {"device": str(self.link), "width": 640, "height": 360, "rate": 30.0}
-        usual["stall"] = 3.0  # s; an emulated processor may be held up
+        usual |= {"stall": 3.0}  # s; an emulated processor may be held up
         return V4l2Settings.model_validate({**usual, **changed})
 
     @contextmanager
@@ -113,19 +113,6 @@ def frames(camera: V4l2Camera, count: int) -> list[CameraFrame]:
         seen.append(frame)
         after = frame.stamp
     return seen
-
-
-@contextmanager
-def raising(kind: type[CellError], *words: str) -> Iterator[None]:
-    """Whatever runs here raises `kind`, and its message holds `words`."""
-    said = None
-    try:
-        yield
-    except kind as error:
-        said = str(error)
-    assert said is not None, f"{kind.__name__} was not raised"
-    missing = [word for word in words if word not in said]
-    assert not missing, f"{missing} not in: {said}"
 
 
 def read_on(camera: V4l2Camera, seconds: float = 10.0) -> None:

@@ -2,10 +2,11 @@
 
 import cv2
 import numpy as np
+import pytest
 
 from calibration.board import BoardSettings, find_board
 from drivers.v4l2.device import CameraRefused
-from tests.drivers.v4l2.vivid.device import START, Vivid, frames, raising
+from tests.drivers.v4l2.vivid.device import START, Vivid, frames
 from tests.drivers.v4l2.vivid.screen import SIGNAL, filmed_screen
 
 BAYER = ("RGGB", "GRBG", "BA81", "GBRG")
@@ -33,23 +34,22 @@ def check_every_format_shows_the_same_picture(vivid: Vivid) -> None:
 
 def check_what_the_camera_lacks_is_refused_with_its_offer(vivid: Vivid) -> None:
     for asked, words in (
-        ({"width": 600, "height": 400}, ("600x400 became", "YUYV 640x360")),
-        ({"format": "MJPG"}, ("MJPG 640x360 became",)),
-        ({"rate": 37.0}, ("rate: 37 Hz became",)),
+        ({"width": 600, "height": 400}, "600x400 became.*YUYV 640x360"),
+        ({"format": "MJPG"}, "MJPG 640x360 became"),
+        ({"rate": 37.0}, "rate: 37 Hz became"),
     ):
-        with raising(CameraRefused, *words), vivid.camera(**asked):
+        with pytest.raises(CameraRefused, match=words), vivid.camera(**asked):
             pass
 
 
 def check_board_on_a_screen_is_found(vivid: Vivid) -> None:
     board = BoardSettings().board()
-    sheet = board.generateImage((SIGNAL["width"], SIGNAL["height"]), marginSize=40)
+    sheet = board.generateImage((1280, 720), marginSize=40)
     with filmed_screen(vivid) as screen, vivid.camera(**SIGNAL) as camera:
         screen.show(cv2.cvtColor(sheet, cv2.COLOR_GRAY2BGR))
         image = frames(camera, 10)[-1].image
     found = find_board(image, cv2.aruco.CharucoDetector(board), board)
-    columns, rows = board.getChessboardSize()
-    assert found.corners == (columns - 1) * (rows - 1), f"{found.corners} corners"
+    assert found.corners == len(board.getChessboardCorners())
 
 
 def check_rates_are_kept(vivid: Vivid) -> None:
@@ -78,7 +78,9 @@ def check_controls_are_locked_and_read_back(vivid: Vivid) -> None:
 def check_value_that_a_control_clamps_is_refused(vivid: Vivid) -> None:
     with (
         vivid.having(brightness=128),
-        raising(CameraRefused, "controls.brightness", "999 became 255", "0 to 255"),
+        pytest.raises(
+            CameraRefused, match=r"controls\.brightness.*999 became 255.*0 to 255"
+        ),
         vivid.camera(controls={"brightness": 999}),
     ):
         pass

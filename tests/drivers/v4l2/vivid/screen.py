@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from fcntl import ioctl
-from threading import Event, Thread
+from threading import Thread
 
 import cv2
 
@@ -17,10 +17,8 @@ from drivers.v4l2.abi import (
     PROGRESSIVE,
     Buffer,
     BufferRequest,
-    Format,
     Ioctl,
     Number,
-    fourcc,
 )
 from tests.drivers.v4l2.vivid.device import Vivid
 
@@ -37,15 +35,11 @@ class Screen:
 
     def __init__(self, fd: int) -> None:
         self._fd = fd
-        self._ended = Event()
-        form = Format(type=OUTPUT)
-        form.fmt.pix.width, form.fmt.pix.height = SIGNAL["width"], SIGNAL["height"]
-        form.fmt.pix.pixelformat = fourcc("YUYV")
-        ioctl(fd, Ioctl.S_FMT, form)
-        self._picture = bytes(form.fmt.pix.sizeimage)
+        self._showing = True
         ioctl(fd, Ioctl.REQBUFS, BufferRequest(count=BUFFERS, type=OUTPUT, memory=MMAP))
         self._buffers = [self._mapped(index) for index in range(BUFFERS)]
-        self._thread = Thread(target=self._run, daemon=True)
+        self._picture = bytes(len(self._buffers[0]))
+        self._thread = Thread(target=self._run)
 
     def show(self, image: Image) -> None:
         """Show `image` until another follows."""
@@ -59,7 +53,7 @@ class Screen:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._ended.set()
+        self._showing = False
         self._thread.join()
         os.close(self._fd)
 
@@ -70,13 +64,13 @@ class Screen:
 
     def _queue(self, index: int) -> None:
         picture = self._picture
-        self._buffers[index][: len(picture)] = picture
+        self._buffers[index][:] = picture
         buffer = Buffer(index=index, type=OUTPUT, memory=MMAP, field=PROGRESSIVE)
         buffer.bytesused = len(picture)
         ioctl(self._fd, Ioctl.QBUF, buffer)
 
     def _run(self) -> None:
-        while not self._ended.is_set():
+        while self._showing:
             shown = Buffer(type=OUTPUT, memory=MMAP)
             ioctl(self._fd, Ioctl.DQBUF, shown)
             self._queue(shown.index)
