@@ -166,9 +166,7 @@ def fit_touches(
     by_number = {
         p.number: p for p in sorted(touches, key=lambda p: (p.number, p.again))
     }
-    newest = sorted(
-        by_number.values(), key=lambda p: (p.position[0], p.position[1], p.number)
-    )
+    newest = sorted(by_number.values(), key=lambda p: (*p.position, p.number))
     fitted = [p for p in newest if not p.held_out]
     homography, inliers = fit_homography(
         lens.undistort(np.reshape([p.pixel for p in fitted], (-1, 2))),
@@ -224,13 +222,13 @@ def suspects(
     return tuple(sorted(p.number for p in fit.outliers))
 
 
-FEWEST_TOUCHES = 3  # touches on either side of a move
+FEWEST_TOUCHES = 3  # on either side of a move, that it explains
 LOSS_SCALE = 0.3  # px, error from which a touch counts less, as it may be an outlier
 INLIER_SIGMA = 5.0  # of the errors that count
 LEAST_SIGMA = 1e-6  # px, under which none is
 MAP_NUMBERS = 8  # free numbers of a homography
 UNKNOWNS = 10  # with a shift of the image
-# sigma by which a move is significant; Source: slow tests in test_causes.py
+# sigma by which a move is significant; Source: study mishaps
 MOVE_SIGMA = 3.8
 
 
@@ -263,17 +261,16 @@ def camera_move(
 
     fits = {n: _fit_move(positions, pixels, n, homography) for n in moments}
     moment = min(fits, key=lambda n: fits[n][0])
-    cost, shift, sigma = fits[moment]
+    _, shift, sigma = fits[moment]
 
     # the shift in the middle of the points
     middle = homography.to_image(positions.mean(axis=0)[None])[0]
     before, after = homography.to_plane(np.array([middle, middle + shift]))
     shift_mm = 1e3 * float(lengths(after - before))
     shift_px = float(lengths(shift))
-    is_clear = shift_px >= MOVE_SIGMA * sigma and np.isfinite(cost)
-    if shift_mm < least_mm or not is_clear:
+    if shift_mm < least_mm or shift_px < MOVE_SIGMA * sigma:
         return None
-    mrad = 1e3 * (shift_px / float(lens.matrix[0, 0]))
+    mrad = 1e3 * shift_px / lens.matrix[0, 0]
     return Move(ordered[moment - 1].number, shift_mm, mrad)
 
 
@@ -284,7 +281,8 @@ def _fit_move(
     touch number `moment` on, in spite of outliers.
 
     `positions` (n, 2) [m] are those of the arm and `pixels` (n, 2) [px] undistorted.
-    Returns its cost, the shift (2,) [px] and the largest sigma of the shift [px].
+    Returns its cost, the shift (2,) [px] and the largest sigma of the shift [px];
+    cost and sigma are infinite where it explains too few touches on either side.
     """
     from scipy.optimize import least_squares
 
@@ -305,10 +303,13 @@ def _fit_move(
 
     remaining = errors(solution.x)
     count = len(remaining)
-    freedom = count - UNKNOWNS
-    sigma = max(robust_sigma(remaining), LEAST_SIGMA) * np.sqrt(count / freedom)
+    share = count / (count - UNKNOWNS)
+    sigma = max(robust_sigma(remaining), LEAST_SIGMA) * np.sqrt(share)
     used = np.abs(remaining) < INLIER_SIGMA * sigma
-    slopes = solution.jac[used] if used.sum() > UNKNOWNS + 2 else solution.jac
+    sides = np.split(used.reshape(-1, 2).all(axis=1), [moment])
+    if min(map(np.sum, sides)) < FEWEST_TOUCHES:
+        return np.inf, shift, np.inf
+    slopes = solution.jac[used]
     covariance = sigma**2 * np.linalg.pinv(slopes.T @ slopes)
     of_shift = covariance[MAP_NUMBERS:, MAP_NUMBERS:]
     shift_sigma = float(np.sqrt(np.linalg.eigvalsh(of_shift)[-1]))

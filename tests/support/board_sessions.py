@@ -30,19 +30,20 @@ def projected(
     `bow` [m] is by how much the ends of the board bend away from its middle.
     """
     width = settings.width
+    half = width / 2
     matrix = lens.matrix
-    focal = matrix[0, 0]
+    focal, principal = matrix[0, 0], matrix[:2, 2]
     board = np.asarray(settings.board().getChessboardCorners(), dtype=np.float64)
-    centred = board - (width / 2, settings.rows * settings.square / 2, 0)
-    centred[:, 2] += bow * (centred[:, 0] / (width / 2)) ** 2
+    centred = board - (half, settings.rows * settings.square / 2, 0)
+    centred[:, 2] += bow * (centred[:, 0] / half) ** 2
     lean = Rotation.from_euler("YXZ", (-wanted.turn, -wanted.tilt, wanted.roll))
     turned = lean.apply(centred)
     depth = float(focal) * width / (wanted.size * lens.width)
-    middle = np.array([wanted.x * lens.width, wanted.y * lens.height]) - matrix[:2, 2]
+    middle = np.multiply(lens.size, (wanted.x, wanted.y)) - principal
     seen = turned + np.append(middle / focal * depth, depth)
-    ideal = seen[:, :2] / seen[:, 2:] * focal + matrix[:2, 2]
+    ideal = seen[:, :2] / seen[:, 2:] * focal + principal
     image = lens.distort(ideal) + noise * rng.standard_normal((len(board), 2))
-    inside = ((image > 4) & (image < (lens.width - 4, lens.height - 4))).all(axis=1)
+    inside = ((image > 4) & (image < np.subtract(lens.size, 4))).all(axis=1)
     return BoardView(np.flatnonzero(inside).astype(float), board[inside], image[inside])
 
 

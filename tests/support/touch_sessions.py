@@ -41,7 +41,8 @@ class Camera:
         centre = aim + distance * np.array(
             [rng.uniform(-0.03, 0.03), -np.cos(up), np.sin(up)]
         )
-        ahead = (aim - centre) / np.linalg.norm(aim - centre)
+        way = aim - centre
+        ahead = way / np.linalg.norm(way)
         right = np.cross(ahead, (0.0, 0.0, 1.0))
         right /= np.linalg.norm(right)
         focal = 1280 * distance / width

@@ -32,9 +32,7 @@ def touches(seed: int, mrad: float = 0.0, *, mirrored: bool = False) -> tuple[st
         rng.uniform(0, 2 * np.pi),
         int(rng.integers(5, 20)),
     )
-    nudge = (
-        1e-3 * mrad * np.array([np.sin(angle), np.cos(angle), 0.0]) if mrad else None
-    )
+    nudge = 1e-3 * mrad * np.array([np.sin(angle), np.cos(angle), 0.0])
     made = touched(camera, rng, nudge=nudge, after=after, mirrored=mirrored, wild=WILD)
     return touch_verdict(made, camera.lens, TOUCHES).reasons
 
@@ -50,6 +48,11 @@ def test_camera_that_moved_among_the_touches_is_named(mrad: float) -> None:
     (reason,) = touches(5, mrad)
     assert "the camera moved" in reason
     assert "number 6" in reason  # seven touches were made before
+
+
+@pytest.mark.parametrize("seed", [61, 98])  # with one wild touch by a few others
+def test_wild_touch_is_no_moved_camera(seed: int) -> None:
+    assert touches(seed) == ()
 
 
 def test_mirrored_touches_are_named() -> None:
