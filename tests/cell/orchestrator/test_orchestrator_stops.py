@@ -80,6 +80,7 @@ def break_clock_for_a_while(bench: Bench) -> None:
             break_parts,
             parts={f"record.{p}": inf for p in ("tick", "event", "frame")},
         ),
+        partial(break_parts, parts={"camera.read": inf, "arm.stop": 0.2}),
         partial(break_parts, parts={"arm.state": 0.3}),
         break_clock_for_a_while,
     ],
@@ -99,7 +100,7 @@ def test_the_arm_rests_before_the_run_is_over_whatever_fails(bench, breaks) -> N
 
 
 def test_an_arm_that_creeps_where_it_was_commanded_does_not_rest_yet(bench) -> None:
-    bench.camera.read = later(bench, bench.camera.read)
+    break_camera(bench)
     state, settled = bench.arm.state, BEGIN + 0.6
 
     def creeping() -> ArmState:
@@ -115,7 +116,7 @@ def test_an_arm_that_creeps_where_it_was_commanded_does_not_rest_yet(bench) -> N
 def test_an_arm_that_never_answers_again_is_stopped_repeatedly_until_its_time_is_over(
     bench,
 ) -> None:
-    bench.arm.state = later(bench, bench.arm.state)
+    break_parts(bench, {"arm.state": inf})
     outcome = bench.run()
     assert outcome.exit_code == 4
     stops = [command for command in bench.arm.commands if isinstance(command, Hold)]
