@@ -242,7 +242,7 @@ def _main_picture(results: Results) -> Any:
         axes = figure.add_subplot()
         _draw_strips(axes, results)
         title = "Misalignment of the layers, as the camera saw it on the twin"
-        axes.set_title(title, loc="left", pad=26, fontsize=10.5, color=INK)
+        axes.set_title(title, loc="left", pad=42, fontsize=10.5, color=INK)
         return figure
 
 
