@@ -3,9 +3,11 @@ fabrics.
 """
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Span
@@ -21,22 +23,8 @@ FRICTION_SHARE = 0.43  # share of strips with yarn friction
 FRICTION_EFFECT = "bending_hysteresis"
 OTHER_SHARE = 0.5  # share of strips with one further effect
 
-EFFECTS = {
-    "seam": 3.0,
-    "nonlinear_bending": 3.0,
-    "stretch": 1.0,
-    "stiffness_gradient": 1.0,
-    "air_drag": 1.0,
-    "pre_curl": 1.0,
-    "crease": 1.0,
-    "hem_mass": 2.0,
-    "quadratic_damping": 2.0,
-    "relaxation": 1.0,
-    "length_error": 1.0,
-}
-"""Effects besides friction with their relative frequencies, hard ones more often. Their
-sizes over textiles are in their own files.
-"""
+EFFECTS = read_yaml(Path(__file__).with_suffix(".yaml"))
+"""Effects besides friction with their relative frequencies."""
 CONDITIONS = ("nothing", "friction", *EFFECTS)  # one effect at a time
 
 

@@ -46,22 +46,26 @@ def make(folder: Path) -> None:
     (folder / "arm.xml").write_text(ARM)
 
 
+def _run(line: str, folder: Path) -> str:
+    """What a command of the page prints in `folder`."""
+    words = [Path(sys.executable).with_name("cell"), *line.split()[1:]]
+    done = subprocess.run(  # noqa: S603
+        words, cwd=folder, capture_output=True, text=True, check=False
+    )
+    require(done.returncode == 0, f"{line}: {done.stderr}")
+    return done.stdout
+
+
 def follow(folder: Path) -> None:
-    """The page's files are written, its commands run: they name what was hidden."""
+    """The page's commands run, with its one number: they name what was hidden."""
     _, _, text = PAGE.read_text().partition("## Ten minutes with a LeRobot set")
-    robot, mapping, *_ = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
-    commands, *_ = re.findall(r"```sh\n(.*?)```", text, re.DOTALL)
-    (folder / "robot.yaml").write_text(robot)
-    (folder / "mapping.yaml").write_text(mapping)
-    said = ""
-    for line in commands.splitlines():
-        program = Path(sys.executable).with_name("cell")
-        words = [program, *line.split()[1:]]
-        done = subprocess.run(  # noqa: S603
-            words, cwd=folder, capture_output=True, text=True, check=False
-        )
-        require(done.returncode == 0, f"{line}: {done.stderr}")
-        said += done.stdout
+    guess, commands, *_ = re.findall(r"```sh\n(.*?)```", text, re.DOTALL)
+    _run(guess, folder)
+    mapping = folder / "mapping.yaml"
+    open_ones = mapping.read_text().count("factor: null")
+    require(open_ones == 2, f"two open factors, not {open_ones}")
+    mapping.write_text(mapping.read_text().replace("null", str(TORQUE_CONSTANT)))
+    said = "".join(_run(line, folder) for line in commands.splitlines())
 
     verdict = json.loads((folder / "out/verdict.json").read_text())
     names = [effect["name"] for effect in verdict["effects"]]

@@ -20,8 +20,7 @@ from calibration.homography import (
 )
 from calibration.lens import Lens
 from drivers.base.errors import ConfigurationError
-from drivers.base.geometry import lengths
-from drivers.base.robust import robust_sigma
+from drivers.base.geometry import lengths, robust_sigma
 from drivers.base.settings import Settings, Share
 from drivers.base.types import Array, Pose
 

@@ -5,12 +5,14 @@ independently.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot, nan
+from pathlib import Path
 
 import numpy as np
 
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.base.errors import in_mm
 from drivers.base.geometry import lengths
+from drivers.base.readers import read_yaml
 
 # Spreads: of a displacement, 0.3 % of right folds are SURPRISING. Lengths of the cell
 # need more to be DOUBTED: their spread is a mean over strips, and one of ten differs
@@ -38,18 +40,7 @@ CHANGED = (
 
 
 LENGTHS = ("free_edge", "grip", "edges")
-CAUSES = {
-    "the camera's map is {:+.1f} mm off in x: `cell calibrate homography`": (1, 1, -2),
-    "the robot stands {:+.1f} mm off its place: `cell register`": (0, 1, -2),
-    "the strip is held {:+.1f} mm off the arm's tool point: look at the fingers, or"
-    " state effects.tcp_offset.x in cell.yaml": (0, 1, -1),
-    "the strip's free edge lies {:+.1f} mm off: lay the fixed edge at x = 0, or correct"
-    " the strip's length": (1, 0, 0),
-    "images lag by {:+.1f} mm of motion: `cell calibrate homography` measures the"
-    " camera's latency": (0, 1, 0),
-    "the laid edge is {:+.1f} mm off, as it slipped, stretched or sprang open: look at"
-    " the strip, and lay it again": (0, 0, 1),
-}
+CAUSES = read_yaml(Path(__file__).with_name("length_causes.yaml"))
 """What makes LENGTHS disagree, with its remedy, and by how many m each per m of it."""
 
 

@@ -9,8 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from drivers.base.errors import in_mm
-from drivers.base.geometry import interpolate_columns
-from drivers.base.robust import MAD
+from drivers.base.geometry import MAD, interpolate_columns
 from drivers.base.settings import StudyResult
 from drivers.base.types import Array
 from drivers.strip.describe import describe

@@ -27,6 +27,7 @@ from cell.report.drawing import (
 from cell.report.overlay import SHOWN_IMAGES, Silhouette, evenly_chosen, fold_tips
 from cell.report.words import PARAMETERS
 from drivers.base.errors import ConfigurationError
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array
 
 if TYPE_CHECKING:
@@ -38,19 +39,7 @@ NAMED_SHARE = 0.05  # of the run's time, from which on a state has room for its 
 LEFT, RIGHT = 0.075, 0.995  # shares of the figure's width between which its signals lie
 NOTE: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8.5}
 TIME_COLOURS = ["#8fc6b4", "#3f8fc4", "#6a4fb3", "#b0428f"]
-STATE_SHADES = {
-    "PREFLIGHT": "#c9ced6",
-    "CALIBRATE": "#c9ced6",
-    "GRASP": "#b9c4d6",
-    "LIFT": "#a9c3e6",
-    "FOLD": "#6f9fd8",
-    "TOUCHED": "#e0a15e",
-    "LAY": "#9cc9ad",
-    "RELEASE": "#b7d8c3",
-    "DONE": "#c9ced6",
-    "STOPPING": "#dd8f84",
-    "FAULT": "#d0604f",
-}
+STATE_SHADES = read_yaml(Path(__file__).with_name("states.yaml"))
 READING = frozenset({"LIFT", "FOLD", "TOUCHED"})  # states in which images are read
 PANELS = {
     "displacement": ("predicted d  [mm]", 1e3, ORANGE),

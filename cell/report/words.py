@@ -2,48 +2,18 @@
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, TypeGuard
+
+from drivers.base.readers import read_yaml
 
 MINUS = "\N{MINUS SIGN}"
 NO_VALUE = "\N{EM DASH}"
 
-EVENT_TITLES = {  # where a kind of event needs more than its name in records
-    "foretold": "predicted",
-    "touch_seen": "touch noticed",
-    "released": "released, as the arm stands",
-    "edges_seen": "edges, as the camera sees them",
-}
-OUTCOMES = {
-    "layer_touch": "The layers touched",
-    "path_done": "The path ended before the layers touched",
-    "interrupted": "Stopped by the operator",
-    "edges_not_seen": "Not folded: no fold is seen where it was laid",
-    "edges_apart": "Not folded: the edges do not lie where they were laid",
-    "grip_apart": "Folded, but camera and arm disagree on where the held end is",
-    "displacement_apart": "Folded, but far off the prediction",
-    "unlike_model": "Folded, but the strip does not behave like the model",
-}
-# names of a strip's parameters, as people call them
-PARAMETERS = {
-    "bending_length": "bending length",
-    "retardation_time": "retardation time",
-    "yield_curvature": "yarn friction",
-}
+EVENT_TITLES, OUTCOMES, PARAMETERS, SIGNAL_UNITS, LENGTH_NAMES, SIGNED = read_yaml(
+    Path(__file__).with_suffix(".yaml")
+).values()
 LONGEST_TEXT = 160  # characters of a value
-SIGNED = frozenset({"displacement", "edge_offset"})
-LENGTH_NAMES = SIGNED | {
-    *("x", "z", "l1", "l2", "length", "width", "thickness", "bending_length"),
-    *("contact_height", "contact_x", "error", "tip_x", "height"),
-}
-SIGNAL_UNITS = {
-    "speed": "m/s",
-    "camera_hz": "Hz",
-    "touch_time": "s",
-    "retardation_time": "s",
-    "latency": "s",
-    "areal_density": "kg/m²",
-    "force": "N",
-}
 
 
 def plain(name: str) -> str:
@@ -96,7 +66,7 @@ def outcome_title(outcome: str) -> str:
     """Text of an `outcome` as the start of a sentence; a fault is called by its
     name.
     """
-    return OUTCOMES.get(outcome, f"Stopped by a fault: {plain(outcome)}")
+    return str(OUTCOMES.get(outcome, f"Stopped by a fault: {plain(outcome)}"))
 
 
 def log_line(kind: str, facts: Mapping[str, Any]) -> str:

@@ -1,5 +1,5 @@
-"""Lengths along polylines, and the transform between the cell frame and the robot's
-base frame.
+"""Lengths along polylines, sizes of errors, and the transform between the cell frame
+and the robot's base frame.
 """
 
 from dataclasses import dataclass
@@ -14,6 +14,7 @@ from drivers.base.types import Array
 # m by which an edge is held before the middle between the pads: with less of the
 # fingers beyond it, the edge can be laid lower
 EDGE_AHEAD = 0.004
+MAD = 1.4826  # standard deviation of normal errors over their median absolute deviation
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,3 +130,12 @@ def interpolate_columns(at: Array | float, x: Array, columns: Array) -> Array:
     Linear in between, held beyond the first and the last.
     """
     return np.stack([np.interp(at, x, column) for column in columns.T], axis=-1)
+
+
+def robust_sigma(errors: Array) -> float:
+    """Standard deviation of `errors` (n,) about zero, in their unit, by their median
+    size.
+
+    Consistent for normal errors; outliers hardly change it.
+    """
+    return MAD * float(np.median(np.abs(errors)))

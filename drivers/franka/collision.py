@@ -8,26 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.base.types import Array, frozen
-from drivers.franka.kinematics import FLANGE, FLANGE_TO_HAND, frames
+from drivers.franka.kinematics import FLANGE, FLANGE_TO_HAND, PUBLISHED, frames
 from drivers.franka.shapes import BoxObstacle
 
-# Frame (0 the base, 1 to 7 the joints, 8 the hand), ends of the axis [m], radius [m].
-# Source: franka_description, the capsules for collision of panda_arm.xacro and
-# hand.xacro, without their safety distance. Never measured on a robot.
-CAPSULES = (
-    (0, (-0.09, 0.0, 0.06), (-0.06, 0.0, 0.06), 0.06),
-    (1, (0.0, 0.0, -0.333), (0.0, 0.0, -0.05), 0.06),
-    (2, (0.0, 0.0, -0.06), (0.0, 0.0, 0.06), 0.06),
-    (3, (0.0, 0.0, -0.22), (0.0, 0.0, -0.07), 0.06),
-    (4, (0.0, 0.0, -0.06), (0.0, 0.0, 0.06), 0.06),
-    (5, (0.0, 0.0, -0.31), (0.0, 0.0, -0.21), 0.06),
-    (5, (0.0, 0.08, -0.20), (0.0, 0.08, -0.06), 0.025),
-    (6, (0.0, 0.0, -0.07), (0.0, 0.0, 0.01), 0.05),
-    (7, (0.0, 0.0, -0.06), (0.0, 0.0, 0.08), 0.04),
-    (7, (0.06, 0.0, 0.082), (0.06, 0.0, 0.082), 0.03),
-    (8, (0.0, -0.05, 0.04), (0.0, 0.05, 0.04), 0.04),
-    (8, (0.0, -0.05, 0.10), (0.0, 0.05, 0.10), 0.02),
-)
+CAPSULES = PUBLISHED["capsules"]  # frame, ends of the axis [m], radius [m]
 SPHERE_SPACING = 0.02  # m at most between spheres along an axis
 # links up to the first never touch links from the second on
 LOW_LINKS, HIGH_LINKS = 3, 6

@@ -1,24 +1,17 @@
 """Forward kinematics and Jacobian of the Franka Research 3, in its base frame."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array, frozen
 
-# Denavit-Hartenberg parameters after Craig, one row a joint: a [m], d [m], alpha [rad].
-# Source: the user documentation, "Denavit-Hartenberg parameters".
-PARAMETERS = frozen(
-    [
-        [0.0, 0.333, 0.0],
-        [0.0, 0.0, -np.pi / 2],
-        [0.0, 0.316, np.pi / 2],
-        [0.0825, 0.0, np.pi / 2],
-        [-0.0825, 0.384, -np.pi / 2],
-        [0.0, 0.0, np.pi / 2],
-        [0.088, 0.0, np.pi / 2],
-    ]
-)
+PUBLISHED = read_yaml(Path(__file__).with_name("published.yaml"))
+"""Numbers of the arm from its maker and from papers, each with its source."""
+# Denavit-Hartenberg parameters after Craig, one row a joint: a [m], d [m], alpha [rad]
+PARAMETERS = frozen(np.array(PUBLISHED["kinematics"]) * [1.0, 1.0, np.pi / 2])
 FLANGE = 0.107  # m, from the last joint along its axis
 WRIST_REACH = 0.855  # m, about the shoulder, to the middle of the wrist
 # rad of joint 4, beyond which the elbow is flexed the other way

@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from drivers.base.types import Array, frozen
+from drivers.franka import kinematics
 from drivers.franka.failure import ArmFault, Cause
 
 Seven = tuple[float, ...]
@@ -128,21 +129,11 @@ class JointLimits:
         return bounded
 
 
-FR3 = JointLimits(
-    lower=(-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159),
-    upper=(2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159),
-    velocity=(2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26),
-    offset=(0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35),
-    deceleration=(6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0),
-)
-FR3V2 = JointLimits(
-    lower=(-2.9007, -1.8361, -2.9007, -3.077, -2.8763, 0.4398, -3.0508),
-    upper=(2.9007, 1.8361, 2.9007, -0.1169, 2.8763, 4.6216, 3.0508),
-    velocity=(2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26),
-    offset=(0.652, 0.25, 0.2005, 0.3542, 0.5738, 0.4885, 0.4592),
-    deceleration=(6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0),
-)
-PUBLISHED: dict[Revision, JointLimits] = {"fr3": FR3, "fr3v2": FR3V2}
+PUBLISHED: dict[Revision, JointLimits] = {
+    revision: JointLimits(**{key: tuple(values) for key, values in stated.items()})
+    for revision, stated in kinematics.PUBLISHED["joints"].items()
+}
+FR3, FR3V2 = PUBLISHED.values()
 
 
 def _arm_joints(description: str) -> dict[int, ElementTree.Element]:

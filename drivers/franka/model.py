@@ -15,39 +15,14 @@ from drivers.franka.kinematics import (
     FLANGE,
     FLANGE_TO_TIP,
     PARAMETERS,
+    PUBLISHED,
     offset_in_frame,
 )
 
-# Masses [kg] and centres of mass [m] of links 1 to 7 in their joints' frames. Source:
-# Gaz et al., Dynamic identification of the Franka Emika Panda robot with retrieval of
-# feasible parameters, RA-L 4(4), 2019. Of a Panda; those of a Research 3 differ a
-# little.
-MASSES = frozen([4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522])
-CENTRES = frozen(
-    [
-        [0.003875, 0.002081, -0.04762],
-        [-0.003141, -0.02872, 0.003495],
-        [0.027518, 0.039252, -0.066502],
-        [-0.05317, 0.104419, 0.027454],
-        [-0.011953, 0.041065, -0.038437],
-        [0.060149, -0.014117, -0.010517],
-        [0.010517, -0.004252, 0.061597],
-    ]
-)
-
-# Inertia of links 1 to 7 about their centres of mass [kg m^2]: xx, yy, zz, xy, xz, yz
-# in their joints' frames. Source: as the masses, Gaz et al., RA-L 4(4), 2019.
-INERTIAS = frozen(
-    [
-        [0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169],
-        [0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704],
-        [0.037242, 0.036155, 0.01083, -0.004761, -0.011396, -0.012805],
-        [0.025853, 0.019552, 0.028323, 0.007796, -0.001332, 0.008641],
-        [0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229],
-        [0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341],
-        [0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741],
-    ]
-)
+MASSES = frozen(PUBLISHED["masses"])  # kg, of links 1 to 7
+CENTRES = frozen(PUBLISHED["centres"])  # m, of mass, in the joints' frames
+# kg m^2 about the centres, in the joints' frames: xx, yy, zz, xy, xz, yz
+INERTIAS = frozen(PUBLISHED["inertias"])
 HAND_INERTIA = (0.001, 0.0025, 0.0017)  # kg m^2, about its own axes, as Desk states it
 HAND_MASS = 0.73  # kg, as Desk states it
 HAND_CENTRE = (-0.01, 0.0, 0.03)  # m in the flange, likewise

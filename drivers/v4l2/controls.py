@@ -5,7 +5,9 @@ reading them back.
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
+from drivers.base.readers import read_yaml
 from drivers.v4l2.abi import (
     Control,
     ControlFlag,
@@ -16,22 +18,7 @@ from drivers.v4l2.abi import (
 )
 from drivers.v4l2.device import CameraRefused, Device
 
-# Automatics that would change images between two measurements, each with its value for
-# "off". The dynamic frame rate is one of them: it halves the rate in the dark.
-AUTOMATICS = {
-    "auto_exposure": 1,  # V4L2_EXPOSURE_MANUAL
-    "exposure_dynamic_framerate": 0,
-    "exposure_auto_priority": 0,
-    "white_balance_automatic": 0,
-    "white_balance_temperature_auto": 0,
-    "focus_automatic_continuous": 0,
-    "focus_auto": 0,
-    "gain_automatic": 0,
-    "hue_automatic": 0,
-    "brightness_automatic": 0,
-    "iso_sensitivity_auto": 0,
-    "hdr_sensor_mode": 0,
-}
+AUTOMATICS = read_yaml(Path(__file__).with_name("automatics.yaml"))  # off, by name
 EXPOSURE = "exposure_time_absolute"
 EXPOSURE_UNIT = 1e-4  # s
 LOCKED_OUT = {

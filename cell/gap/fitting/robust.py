@@ -8,7 +8,7 @@ import numpy as np
 from scipy import special
 
 from cell.gap.subject.subject import FitRun
-from drivers.base.robust import robust_sigma
+from drivers.base.geometry import robust_sigma
 from drivers.base.types import Array
 
 # in units of the scale, where Huber's loss turns from square to linear; set by hand,

@@ -116,7 +116,7 @@ def effect_title(effect: NamedEffect) -> str:
     """Name of an `effect` for people, in words; for some effects it is given by their
     first parameter.
     """
-    return PARAMETERS.get(next(iter(effect.parameters)), plain(effect.name))
+    return str(PARAMETERS.get(next(iter(effect.parameters)), plain(effect.name)))
 
 
 def _is_sure(value: Interval) -> bool:

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from drivers.base.errors import ConfigurationError
 from drivers.base.readers import file_digest
@@ -40,7 +40,8 @@ class Finding(BaseModel):
     accuracy.
 
     `run` is the name of a run, empty where the finding concerns all of them; `what` is
-    the check, `words` say what is seen where, `remedy` what to do, if anything.
+    the check, `words` say what is seen where, `remedy` what to do, if anything. `mend`
+    says the same to a program: keys of a mapping or a mechanism's file by signal.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -50,6 +51,7 @@ class Finding(BaseModel):
     run: str = ""
     words: str
     remedy: str
+    mend: Mapping[str, Mapping[str, Any]] = Field(default_factory=dict, exclude=True)
 
     def __str__(self) -> str:
         """Line on the finding: run, check, what is seen, and the remedy."""
@@ -57,9 +59,9 @@ class Finding(BaseModel):
         return f"{where}; {self.remedy}".removesuffix("; ")
 
 
-def bad(what: str, words: str, remedy: str) -> Finding:
-    """Finding on all runs that forbids a fit."""
-    return Finding(what=what, words=words, remedy=remedy, level="bad")
+def bad(what: str, words: str, remedy: str, **more: Any) -> Finding:
+    """Finding on all runs that forbids a fit; `more` are further fields of it."""
+    return Finding(what=what, words=words, remedy=remedy, level="bad", **more)
 
 
 @dataclass(frozen=True, slots=True)

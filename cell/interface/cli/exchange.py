@@ -38,13 +38,16 @@ def import_runs(
     ] = None,
     model: Annotated[
         Path | None,
-        typer.Option(help="File of the mechanism whose runs these are, not folds."),
+        typer.Option(
+            help=(
+                "File of the mechanism whose runs these are, not folds; with --guess"
+                " its MJCF or URDF, beside which robot.yaml is drafted."
+            )
+        ),
     ] = None,
     guess: Annotated[
         bool,
-        typer.Option(
-            "--guess", help="Propose a mapping of folds, ./mapping.yaml, instead."
-        ),
+        typer.Option("--guess", help="Propose a mapping, ./mapping.yaml, instead."),
     ] = False,
     strip: Annotated[
         str | None,
@@ -57,12 +60,8 @@ def import_runs(
     fit`.
     """
     found = find_configs(configs)
-    if guess and model is not None:
-        raise ConfigurationError(
-            "--guess: proposes mappings of folds; leave --model out"
-        )
     if guess:
-        _propose(places, out or Path("mapping.yaml"), strip, found)
+        _propose(places, out or Path("mapping.yaml"), strip, model, found)
         return
     if out is None:
         raise ConfigurationError("--out: is missing; name the folder of the runs")
@@ -106,18 +105,39 @@ def _print_imported(made: Sequence[Path], out: Path, model: Path | None) -> None
     print(f"next: {advice.strip('`')}")
 
 
-def _propose(paths: list[Path], target: Path, strip: str | None, found: Found) -> None:
-    """Write a mapping, guessed from the first of `paths`, to the new file `target`;
-    print it.
+def _propose(
+    paths: list[Path],
+    target: Path,
+    strip: str | None,
+    model: Path | None,
+    found: Found,
+) -> None:
+    """Write a mapping, guessed from the first of `paths`, to the new file `target`, and
+    beside a `model` the file of its mechanism; print them.
     """
-    from cell.record.exchange.guess import guess_mapping
     from drivers.base.files import check_free, write_file
 
-    check_free(target)
-    text = guess_mapping(paths, None if strip is None else found.strip(strip))
-    write_file(target, text)
-    print(f"{text}{target}: read it, and write what is open in place of null")
-    words = ("cell", "import", *paths, "--mapping", target, "--out", "runs/own")
+    words = ["cell", "import", *(path for path in paths if path.suffix != ".json")]
+    files = [target]
+    if model is not None:
+        files.insert(0, model.with_name("robot.yaml"))
+        words += ["--model", files[0]]
+    for file in files:
+        check_free(file)
+    if model is None:
+        from cell.record.exchange.guess import guess_mapping
+
+        texts = [guess_mapping(paths, None if strip is None else found.strip(strip))]
+    else:
+        from cell.gap.draft import draft_mechanism
+
+        with busy("comparing the runs with the model"):
+            draft = draft_mechanism(model, paths)
+        texts = [draft.robot(), draft.mapping()]
+    for file, text in zip(files, texts, strict=True):
+        write_file(file, text)
+        print(f"{text}{file}: read it, and write what is open in place of null")
+    words += ["--mapping", target, "--out", "runs/own"]
     print(f"next: {shlex.join(map(str, words))}")
 
 

@@ -6,7 +6,7 @@ What cannot be told stays open, a null, which the import refuses by its name.
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -23,29 +23,12 @@ from cell.record.exchange.mapping import (
     units_of,
 )
 from cell.record.tables import numbers_of, seconds_of, turn_of
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array
 from drivers.strip.file import StripFile
 
 WORD = re.compile(r"[A-Z]+(?![^\W\d_A-Z])\d*|[^\W\d_][^\W\d_A-Z]*\d*|°")
-# of a column's name, by what it holds; the first say that it is none of these
-WORDS = {
-    "": (
-        "v vel velocity speed acc torque std error raw cmd command target desired"
-        " action rotation"
-    ),
-    "pitch": "pitch angle tilt winkel neigung 角度",
-    "f_": "f force kraft fx fz 力 荷重",
-    "t": (
-        "t time stamp timestamp zeit zeitstempel uhrzeit clock elapsed sec seconds 時刻"
-        " 時間 时间"
-    ),
-    "l1": "l1 upper oben obere",
-    "l2": "l2 lower unten untere",
-    "contact_x": "contact kontakt",
-    "x": "x along horizontal weg längs laengs 水平",
-    "z": "z y height up vertical hoehe höhe 高さ 高度",
-    "i": "i point punkt 番号",
-}
+WORDS = read_yaml(Path(__file__).with_name("column_words.yaml"))
 # tables of what images show
 SEEN = {"contact": ("t", "contact_x"), "result": ("t", "l1", "l2")}
 # sigma, where not named as the section
@@ -69,13 +52,14 @@ class Guess:
     """Guess of what a `column` of another program's table holds: its unit and the place
     of its zero, with the `reason` for it.
 
-    A `unit` or `offset` [SI] of None is open: it cannot be told.
+    A `unit`, a `factor` of it or an `offset` [SI] of None is open: it cannot be told.
     """
 
     column: str
     values: Array
     unit: str | None = None
     offset: float | None = 0.0
+    factor: float | None = 1.0
     reversed: bool = False
     reason: str = BY_NAME
 
@@ -83,10 +67,11 @@ class Guess:
         """Values of the column, of shape (rows,), in SI units and along the axes of the
         cell; NaN where its unit or its zero cannot be told.
         """
-        if self.unit is None or self.offset is None:
+        if self.unit is None or self.offset is None or self.factor is None:
             return np.full(len(self.values), np.nan)
         sign = -1.0 if self.reversed else 1.0
-        return sign * (self.values * FACTORS.get(self.unit, 1.0) - self.offset)
+        unit = self.factor * FACTORS.get(self.unit, 1.0)
+        return sign * (self.values * unit - self.offset)
 
     def line(self, quantity: str) -> str:
         """Line of a mapping file that says which column holds the named `quantity`,
@@ -94,6 +79,7 @@ class Guess:
         """
         reason = self.reason
         stated: dict[str, object] = {"column": self.column, "unit": self.unit}
+        stated |= {} if self.factor == 1.0 else {"factor": self.factor}
         stated |= {} if self.offset == 0.0 else {"offset": self.offset}
         stated |= {"reversed": True} if self.reversed else {}
         keys = ", ".join(
@@ -102,6 +88,8 @@ class Guess:
         remark = f"{'' if reason in {BY_NAME, BY_CLOCK} else 'likely, '}by {reason}"
         if self.unit is None:
             remark = f"open, not told by {reason}: {', '.join(units_of(quantity))}"
+        elif self.factor is None:
+            remark = f"open: {self.unit} of one of it; {reason}"
         elif self.offset is None:
             remark = f"open, not told by {reason}: your value [m] of the cell's zero"
         return f"    {quantity}: {{{keys}}}  # {remark}"
@@ -120,7 +108,7 @@ def guess_mapping(paths: Sequence[Path], strip: StripFile | None) -> str:
     """
     source = next(each for path in paths for each in sources_in(path))
     read = {f: source.table(Table[str](file=f, columns={})) for f in source.names}
-    tables = {file: _columns(content) for file, content in read.items()}
+    tables = {file: columns_by_name(content) for file, content in read.items()}
 
     # times rise along a path; points of an image share theirs
     series, of_points = list[str](), list[str]()
@@ -215,7 +203,7 @@ def _not_taken(
             yield f"# not taken of {name}: {', '.join(left)}; {why}"
 
 
-def _columns(content: pa.Table) -> dict[str, Guess]:
+def columns_by_name(content: pa.Table) -> dict[str, Guess]:
     """Guesses at what the numeric columns of a table hold, by quantity, for all columns
     whose names tell a quantity.
     """
@@ -234,14 +222,14 @@ def _columns(content: pa.Table) -> dict[str, Guess]:
             if np.ptp(turn := turn_of(*whole)) > TURNED:
                 found["pitch"] = Guess(f"{stem}*", turn, "quaternion")
     for name in sorted(
-        names, key=lambda n: (not SECOND.isdisjoint(_words(n)), len(_words(n)))
+        names, key=lambda n: (not SECOND.isdisjoint(words_of(n)), len(words_of(n)))
     ):
         values = numbers_of(content[name])
         values = seconds_of(content[name]) if values is None else values
         if (
             values is not None
             and np.isfinite(values).any()
-            and (quantity := _quantity(_words(name)))
+            and (quantity := _quantity(words_of(name)))
         ):
             found.setdefault(
                 quantity, Guess(name, values, "1" if quantity == "i" else None)
@@ -249,17 +237,24 @@ def _columns(content: pa.Table) -> dict[str, Guess]:
     return found
 
 
-def _words(name: str) -> list[str]:
+def words_of(name: str) -> list[str]:
+    """Words in the `name` of a column, in small letters, with digits at their ends."""
     return [word.lower() for word in WORD.findall(name)]
+
+
+def told_by(words: Iterable[str], subject: str) -> str | None:
+    """What a column of a `subject`, strip or robot, holds by the `words` of its name;
+    None where they do not tell it.
+    """
+    kinds = WORDS[subject].items()
+    return next((key for key, known in kinds if {*words} & {*known.split()}), None)
 
 
 def _quantity(words: Sequence[str]) -> str:
     """Quantity that a column holds, such as `pitch`, by the `words` of its name; empty
     where they do not tell one.
     """
-    found = next(
-        (key for key, known in WORDS.items() if {*words} & {*known.split()}), ""
-    )
+    found = told_by(words, "strip") or ""
     axis = next((axis for axis in "xz" if {*words} & {axis, f"f{axis}"}), "")
     return found if found != "f_" else axis and f"f_{axis}"
 
@@ -275,7 +270,7 @@ def _guess_gripper(columns: Guesses, strip: StripFile | None) -> Guesses:
     for quantity in [name for name in TYPICAL if name in columns]:
         typical = TYPICAL[quantity] * (length if quantity in "xz" else 1.0)
         guess = columns[quantity]
-        guess = guess if guess.unit else _with_unit(guess, quantity, typical)
+        guess = guess if guess.unit else with_unit(guess, quantity, typical)
         if guess.unit is not None and quantity in {"pitch", "x", "z"}:
             if quantity == "pitch":
                 hangs = abs(_largest_move(guess.si())) < TURNED
@@ -284,7 +279,7 @@ def _guess_gripper(columns: Guesses, strip: StripFile | None) -> Guesses:
     return found
 
 
-def _with_unit(guess: Guess, quantity: str, typical: float) -> Guess:
+def with_unit(guess: Guess, quantity: str, typical: float) -> Guess:
     """Copy of `guess` with a unit, by the name of its column or by the size that its
     `quantity` typically has in a fold, `typical` in SI units.
 
@@ -298,7 +293,9 @@ def _with_unit(guess: Guess, quantity: str, typical: float) -> Guess:
         size = float(
             np.nanmax(np.abs(values - (values[0] if quantity in PLACES else 0.0)))
         )
-    hints = [u for word in _words(guess.column) if (u := UNITS.get(word, "")) in known]
+    hints = [
+        u for word in words_of(guess.column) if (u := UNITS.get(word, "")) in known
+    ]
     off = {
         unit: abs(np.log(max(size * known[unit], 1e-12) / typical)) for unit in known
     }
@@ -367,7 +364,7 @@ def _guess_seen(columns: Guesses, gripper: Guesses, names: Sequence[str]) -> Gue
     """
     x, found = gripper["x"], {"t": _on_clock(columns["t"], gripper)}
     for name in names[1:]:
-        found[name] = _with_unit(columns[name], name, float(np.ptp(x.si())) / 2)
+        found[name] = with_unit(columns[name], name, float(np.ptp(x.si())) / 2)
     if "contact_x" in found:
         found["contact_x"] = replace(
             found["contact_x"], offset=x.offset, reversed=x.reversed
@@ -404,7 +401,7 @@ def _alone(columns: Guesses, strip: StripFile | None) -> Guesses:
     """
     length = _length(strip)
     sizes = {"t": TYPICAL["t"], "x": length, "z": TYPICAL["z"] * length}
-    found = {name: _with_unit(columns[name], name, sizes[name]) for name in sizes}
+    found = {name: with_unit(columns[name], name, sizes[name]) for name in sizes}
     return found | {name: columns[name] for name in "i" if name in columns}
 
 

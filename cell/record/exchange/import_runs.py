@@ -107,7 +107,7 @@ def import_runs(
             made.append(run)
             try:
                 with writing(out):
-                    _write_run(source, how, index, run)
+                    write_run(source, how, index, run)
                     # a fold's own documents
                     if stated is None and (run / RESULT).is_file():
                         for name in source.documents.keys() & {RUN, RESULT}:
@@ -195,7 +195,7 @@ def _remedy(
             TemporaryDirectory(dir=run.parent) as folder,
         ):
             mended = Path(folder) / source.name
-            _write_run(source, MappingFile.model_validate(mapping), 0, mended)
+            write_run(source, MappingFile.model_validate(mapping), 0, mended)
             check(mended)
             remedy = (
                 ", ".join(dump_yaml(change).splitlines())
@@ -364,7 +364,7 @@ def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
     return parse(parse_yaml(content.decode(errors="replace"), origin), kind, origin)
 
 
-def _write_run(source: Source, how: AnyMapping, index: int, target: Path) -> None:
+def write_run(source: Source, how: AnyMapping, index: int, target: Path) -> None:
     """Write the tables of `source`, converted as the mapping `how` says, as a run in
     the new folder `target`.
     """

@@ -21,11 +21,11 @@ from drivers.base.geometry import (
     interpolate_columns,
     left_normals,
     moving_average,
+    robust_sigma,
     running_sums,
     unit,
 )
 from drivers.base.readers import read_picture
-from drivers.base.robust import robust_sigma
 from drivers.base.types import Array, Image
 
 # px; larger pictures are shrunk for tracing, then refined in full size

@@ -3,11 +3,14 @@ strip.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, Self
 
 import numpy as np
 
+from drivers.base.readers import read_yaml
+from drivers.base.settings import Settings, parse
 from drivers.base.types import Array
 from drivers.strip.file import StripFile
 
@@ -15,8 +18,7 @@ Colour = tuple[int, int, int]
 Point = tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Box:
+class Box(Settings):
     """Box parallel to the axes of the cell frame: low and high corner [m], sRGB
     colour.
     """
@@ -26,8 +28,7 @@ class Box:
     colour: Colour
 
 
-@dataclass(frozen=True, slots=True)
-class Cable:
+class Cable(Settings):
     """Cable through `points` [m] of the cell frame, `thickness` [m] across, of an sRGB
     colour.
     """
@@ -40,8 +41,7 @@ class Cable:
 Thing = Box | Cable
 
 
-@dataclass(frozen=True, slots=True)
-class Lamp:
+class Lamp(Settings):
     """Lamp at `position` [m] in the cell frame that casts the arm's shadow; `size` [m]
     is its radius.
 
@@ -53,8 +53,7 @@ class Lamp:
     share: float
 
 
-@dataclass(frozen=True, slots=True)
-class Flicker:
+class Flicker(Settings):
     """Flickering light, which dims by the fraction `depth` twice per period of the
     `mains` [Hz].
 
@@ -66,8 +65,7 @@ class Flicker:
     readout: float
 
 
-@dataclass(frozen=True, slots=True)
-class Pattern:
+class Pattern(Settings):
     """Pattern printed on a strip: the colours `printed` alternate with the strip's own
     every `pitch` [m].
 
@@ -96,15 +94,14 @@ class Pattern:
 UNIFORM = Pattern()
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
+class Look(Settings):
     """Visual appearance of the cell, as differences from the plain green cell.
 
     `colours` are sRGB by key of the twin's surroundings; `things` are static objects
     around the strip.
     """
 
-    colours: Mapping[str, Colour] = field(default_factory=dict)
+    colours: Mapping[str, Colour] = {}
     things: tuple[Thing, ...] = ()
     lamp: Lamp | None = None
     flicker: Flicker | None = None
@@ -148,63 +145,12 @@ class StripLook:
         return tint
 
 
-THINGS: tuple[Thing, ...] = (
-    Box((-0.55, 1.05, 0.30), (0.40, 1.15, 0.33), (150, 128, 98)),  # a shelf on the wall
-    Box((-0.30, 1.02, 0.33), (-0.16, 1.10, 0.52), (196, 150, 60)),  # a folder on it
-    Box((-0.14, 1.02, 0.33), (-0.05, 1.10, 0.48), (150, 190, 205)),
-    # a carton behind the desk
-    Box((0.55, 0.75, 0.00), (1.05, 0.95, 0.34), (190, 160, 118)),
-    Box((0.66, 0.74, 0.10), (0.94, 0.75, 0.20), (236, 232, 222)),  # its label
-    Box((0.02, 0.30, 0.00), (0.13, 0.40, 0.17), (170, 196, 160)),  # a tin
-    Box((0.20, 0.26, 0.00), (0.33, 0.34, 0.055), (214, 120, 48)),  # a tool box
-    Box((0.22, 0.28, 0.055), (0.31, 0.32, 0.068), (180, 182, 184)),  # its handle
-    # a steel ruler on edge
-    Box((0.445, 0.20, 0.00), (0.452, 0.21, 0.235), (198, 200, 202)),
-    Box((0.49, 0.36, 0.00), (0.56, 0.43, 0.12), (236, 226, 180)),  # a block of notes
-    Cable(
-        ((-0.2, 0.9, 0.42), (0.15, 0.88, 0.24), (0.42, 0.86, 0.21), (0.75, 0.84, 0.36)),
-        0.006,
-        (226, 190, 40),
-    ),
-    Cable(
-        ((0.36, 0.42, 0.004), (0.38, 0.40, 0.09), (0.60, 0.38, 0.16)),
-        0.005,
-        (230, 230, 226),
-    ),
-)
-BENCH = {"desk": (184, 172, 150), "backdrop": (206, 205, 200), "panel": (120, 110, 98)}
-BLUE_MAT = {
-    "desk": (150, 172, 200),
-    "backdrop": (222, 221, 216),
-    "panel": (120, 118, 114),
-}
-GREY_DESK = BLUE_MAT | {"desk": (176, 178, 176)}
-NIGHT = {"desk": (44, 44, 46), "backdrop": (58, 58, 62), "panel": (40, 40, 40)}
-# a strong one, by the camera
-SIDE_LAMP = Lamp(position=(0.10, -2.0, 0.80), size=0.04, share=0.35)
-MAINS = Flicker(mains=50.0, depth=0.30, readout=0.008)
-HALVES = Pattern("across", pitch=0.30, printed=((150, 24, 60),))
-STRIPES = Pattern("across", pitch=0.008, printed=((24, 82, 70),))
-CHECKS = Pattern("checks", pitch=0.012, printed=((40, 48, 96), (150, 24, 60)))
-WHITE_CHECKS = Pattern("checks", pitch=0.015, printed=((226, 224, 218),))
-
 DEFAULT_LOOK = "green-mat"
-PLAIN = Look()  # a green mat before a green backdrop, as for chroma keying; even light
+PLAIN = Look()
+STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
 LOOKS: Mapping[str, Look] = {
     DEFAULT_LOOK: PLAIN,
-    "arm-shadow": Look(BLUE_MAT, lamp=SIDE_LAMP),
-    "blue-mat": Look(BLUE_MAT),  # antistatic and pale, before a white wall; even light
-    "checks": Look(BLUE_MAT, pattern=CHECKS),
-    "clutter": Look(BENCH, THINGS),
-    "dark-on-dark": Look(NIGHT, pattern=Pattern(brightness=0.5)),
-    "flicker": Look(BLUE_MAT, flicker=MAINS),
-    "grey-desk": Look(GREY_DESK),  # before a white wall; even light
-    "stripes": Look(BLUE_MAT, pattern=STRIPES),
-    "two-colours": Look(BLUE_MAT, pattern=HALVES),
-    "white-checks": Look(GREY_DESK, pattern=WHITE_CHECKS),  # as white as the wall
-    "workshop": Look(
-        colours=BENCH, things=THINGS, lamp=SIDE_LAMP, flicker=MAINS, pattern=HALVES
-    ),
+    **{name: parse(look, Look, name) for name, look in STATED.items()},
 }
 
 

@@ -92,8 +92,8 @@ def test_look_in_which_a_strip_cannot_be_read_is_refused_and_says_what_to_do(
 
 def test_thing_of_the_strips_colour_behind_its_way_is_refused_with_its_place() -> None:
     room = LOOKS["grey-desk"].colours
-    box = Box((0.25, 0.15, 0.0), (0.40, 0.2, 0.2), (38, 58, 108))
-    judged = _judged(Look(room, things=(box,)), _strip("denim"))
+    box = Box(low=(0.25, 0.15, 0.0), high=(0.40, 0.2, 0.2), colour=(38, 58, 108))
+    judged = _judged(Look(colours=room, things=(box,)), _strip("denim"))
     reason = _refusals(judged)["background"]
     x, z = map(float, re.findall(r"= (\d+) mm", reason))
     assert 230 < x < 400

@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Stage
@@ -23,55 +25,9 @@ Values = Mapping[str, float]
 # Engines are driven by true poses over the true desk: these come before them or after
 # them.
 OUTSIDE = {"desk_height", "tcp_offset", "gripper_tilt", "control_delay"}
-# Of every other effect the middle of its range (upwards of null; by magnitude where
-# null is none; as much as makes sense for a strip of 12 g), and where that hardly shows
-# a value that tells.
-VALUES: dict[str, list[Values]] = {
-    "bending_hysteresis": [
-        {"yield_curvature": 50.0},
-        {"yield_curvature": 12.0},
-        {"yield_curvature": 30.0, "gradual": 0.6},
-    ],
-    "nonlinear_bending": [
-        {"cubic": 5e-4},
-        {"cubic": -1e-6},
-        {"cubic": 1e-4, "fifth": 1.0},
-    ],
-    "quadratic_damping": [{"coefficient": 0.01}, {"coefficient": 3e-4}],
-    "relaxation": [
-        {"ratio": 0.45, "time": 1.0},
-        {"ratio": 0.9, "time": 0.05},
-        {"ratio": 0.5, "time": 0.3, "set": 0.8},
-    ],
-    "stretch": [{"stiffness": 300.0}, {"stiffness": 1.0}],
-    "air_drag": [
-        {"coefficient": 5.0},
-        {"coefficient": 3.0, "slow": 0.1, "oblique": 1.0, "along": 0.5},
-    ],
-    "pre_curl": [{"curvature": 30.0}],
-    "crease": [{"angle": 1.0, "position": 0.2}, {"angle": -0.5, "position": 0.3}],
-    "stiffness_gradient": [
-        {"slope": 0.9},
-        {"slope": -0.9},
-        {"slope": 0.9, "central": 0.6},
-    ],
-    "seam": [
-        {"factor": 1.6, "position": 0.3, "width": 0.02},
-        {"factor": 5.0, "position": 0.3, "width": 0.03},
-        {"factor": 5.0, "position": 0.3, "width": 0.05, "softness": 0.4},
-    ],
-    "hem_mass": [
-        {"mass": 0.003, "position": 0.3, "width": 0.03},
-        {"mass": 0.003, "position": 0.5, "width": 0.03},
-    ],
-    "length_error": [{"error": 0.025}, {"error": -0.01}],
-    "ageing": [{"rate": 0.25}, {"rate": -0.25}],
-    "layer_adhesion": [{"force": 25.0}],
-    "end_slip": [{"friction": 0.3}, {"friction": 0.7}],
-    "grip_slip": [{"force": 0.7}, {"force": 0.1}],
-    "desk_tilt": [{"angle": 0.15}, {"angle": -0.15}],
-    "gripper_compliance": [{"compliance": 5e3}, {"compliance": 200.0}],
-}
+VALUES: dict[str, list[Values]] = read_yaml(
+    Path(__file__).with_name("effect_values.yaml")
+)
 UNSEEN = {"pre_curl", "layer_adhesion"}  # between clamped ends; before the touch
 SIMULATED = {e.name: e for e in registry().values() if e.stage is not Stage.OBSERVATION}
 

@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from drivers.base.errors import ConfigurationError
+from drivers.base.readers import read_yaml
 from drivers.strip.describe import describe, load_plant, load_strip
 from drivers.strip.effects import apply_effects, check_effects, registry
 from drivers.strip.effects.effect import Effect
@@ -20,34 +21,7 @@ from tests.support.effect_cases import (
     usual,
 )
 
-CONTRACT = {
-    "bending_hysteresis": ("strip", "yield_curvature stiffness_ratio"),
-    "nonlinear_bending": ("strip", "cubic"),
-    "quadratic_damping": ("strip", "coefficient"),
-    "relaxation": ("strip", "ratio time"),
-    "stretch": ("strip", "stiffness"),
-    "air_drag": ("strip", "coefficient"),
-    "pre_curl": ("strip", "curvature"),
-    "crease": ("strip", "angle position"),
-    "stiffness_gradient": ("strip", "slope"),
-    "seam": ("strip", "factor position width"),
-    "hem_mass": ("strip", "mass position width"),
-    "length_error": ("strip", "error"),
-    "layer_adhesion": ("strip", "force"),
-    "ageing": ("strip", "rate"),
-    "end_slip": ("cell", "friction"),
-    "grip_slip": ("cell", "force"),
-    "desk_tilt": ("cell", "angle"),
-    "desk_height": ("cell", "height"),
-    "tcp_offset": ("cell", "x z"),
-    "gripper_tilt": ("cell", "angle"),
-    "gripper_compliance": ("cell", "compliance"),
-    "control_delay": ("cell", "time"),
-    "camera_latency": ("cell", "time"),
-    "homography_scale": ("cell", "scale"),
-    "homography_shift": ("cell", "x z"),
-    "contact_bias": ("cell", "bias"),
-}
+CONTRACT = read_yaml(Path(__file__).with_name("effect_contract.yaml"))
 ABSENT = {"stretch", "end_slip", "grip_slip"}  # nulls at infinity
 EFFECTS = list(registry().values())
 CASES = [(effect, values) for effect in EFFECTS for values in levels(effect)]
@@ -77,7 +51,7 @@ def _nulls(effect: Effect) -> dict[str, float]:
 
 def test_registry_holds_the_names_and_parameters_of_the_contract() -> None:
     found = {
-        e.name: (e.of, " ".join(p.name for p in e.parameters if p.role != "shape"))
+        e.name: [e.of, " ".join(p.name for p in e.parameters if p.role != "shape")]
         for e in EFFECTS
     }
     assert {name: found[name] for name in CONTRACT} == CONTRACT

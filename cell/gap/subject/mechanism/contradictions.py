@@ -167,15 +167,7 @@ def judge_torques(
     What most runs show is said of all; a run that differs from the others, by name.
     """
     lags: dict[str, list[tuple[float, float]]] = defaultdict(list)
-    for signal, *by_run in zip(
-        mechanism.compared("torque"), *runs.values(), strict=True
-    ):
-        found = {}
-        sigma = signal.sigma
-        for run, torques in zip(runs, by_run, strict=True):
-            loud = torques.measured.std() > LOUD * sigma
-            if loud and (matched := match(torques, sigma)):
-                found[run] = matched
+    for signal, found in matches(mechanism, runs):
         usual = float(np.median([m.factor for m in found.values()] or [1.0]))
         faults = {run: _fault(mechanism, signal, m, usual) for run, m in found.items()}
         yield from _said(faults)
@@ -185,6 +177,24 @@ def judge_torques(
                 lags[run].append((lag, error))
     if lags:
         yield from _late(mechanism, lags)
+
+
+def matches(
+    mechanism: Mechanism, runs: Mapping[str, Sequence[JointTorques]]
+) -> Iterator[tuple[Signal, dict[str, Match]]]:
+    """Yield each compared torque with how it follows the model's in those runs, by
+    name, in which it is louder than its noise.
+    """
+    for signal, *by_run in zip(
+        mechanism.compared("torque"), *runs.values(), strict=True
+    ):
+        found = {}
+        sigma = signal.sigma
+        for run, torques in zip(runs, by_run, strict=True):
+            loud = torques.measured.std() > LOUD * sigma
+            if loud and (matched := match(torques, sigma)):
+                found[run] = matched
+        yield signal, found
 
 
 def _late(
@@ -274,6 +284,7 @@ def _fault(
             "sign",
             f"{name} is the model's torque reversed ({factor:.2f} times)",
             f"write `reversed: true` for {name} in the mapping, or turn its sign",
+            mend={name: {"reversed": True}},
         )
     elif fault is None and not 1.0 / UNLIKE < factor / abs(usual) < UNLIKE:
         fault = bad(
@@ -300,13 +311,20 @@ def _unit(mechanism: Mechanism, signal: Signal, factor: float) -> Finding | None
             f", close to the gear ratio {stated:g}: it was probably measured at the"
             f" {other}"
         )
-        return bad("gear", words, f"state side: {other}")
+        return bad(
+            "gear",
+            words,
+            f"state side: {other}",
+            mend={name: {"side": other, "reversed": turned != ""}},
+        )
     if _is_near(size, 1.0, FACTOR):
         return None
     for unit, symbol in UNITS.items():
         if _is_near(size, unit, NEAR_UNIT):
-            remedy = f"write `factor: {1.0 / unit:.4g}` for {name} in the mapping"
-            return bad("unit", f"{words}: in {symbol}?", remedy)
+            factor = float(f"{1.0 / unit:.4g}")
+            remedy = f"write `factor: {factor:g}` for {name} in the mapping"
+            mend = {name: {"factor": factor, "reversed": turned != ""}}
+            return bad("unit", f"{words}: in {symbol}?", remedy, mend=mend)
     remedy = "state its unit or `factor` in the mapping, or the motor's gain"
     return bad("unit", words, remedy)
 

@@ -16,7 +16,12 @@ from numba import types
 from numpy.typing import NDArray
 
 from cell.gap.subject.mechanism.closed_loops import ClosedLoops, transmissions
-from cell.gap.subject.mechanism.contradictions import JointTorques, judge_torques
+from cell.gap.subject.mechanism.contradictions import (
+    FOLLOWS,
+    JointTorques,
+    judge_torques,
+    matches,
+)
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.effects.friction import DRY_FRICTION, dry_law, dry_limit
 from cell.gap.subject.mechanism.model import Mechanism, poses
@@ -262,8 +267,20 @@ class InverseDynamics(MechanismSubject):
         """Findings on measured torques in another unit, of another sign or at another
         time than the model's.
         """
-        by_run = {run.name: self._compared_torques(run) for run in self.runs}
-        yield from judge_torques(self.mechanism, by_run)
+        yield from judge_torques(self.mechanism, self._torques_by_run())
+
+    def torque_factors(self) -> dict[str, float]:
+        """How many times the model's the measured torques are, by signal, in the median
+        of the runs, where they follow it.
+        """
+        return {
+            signal.name: float(np.median(factors))
+            for signal, found in matches(self.mechanism, self._torques_by_run())
+            if (factors := [m.factor for m in found.values() if m.follows > FOLLOWS])
+        }
+
+    def _torques_by_run(self) -> dict[str, list[JointTorques]]:
+        return {run.name: self._compared_torques(run) for run in self.runs}
 
     def _compared_torques(self, run: FitRun) -> list[JointTorques]:
         """Torques of each signal along the motion of `run`, both as measured and as the

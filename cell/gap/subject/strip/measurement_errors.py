@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.subject.subject import Samples, ScatterSource
+from drivers.base.readers import read_yaml
 from drivers.base.settings import StudyResult
 from drivers.base.types import Array, frozen
 from drivers.strip.model import StripModel, with_field
@@ -35,46 +36,11 @@ class RunEffect(ScatterSource):
         return with_field(model, self.place, changed)
 
 
-GRIPPER_REMEDY = (
-    "a stop against which the strip's edge is laid, or a gripper with firmer fingers"
+RUN_EFFECTS, FORCE_EFFECTS = (
+    tuple(RunEffect(name=name, **stated) for name, stated in group.items())
+    for group in read_yaml(Path(__file__).with_name("run_effects.yaml")).values()
 )
-AIR_REMEDY = "longer rests between runs, and a steady temperature and humidity"
-RIG_REMEDY = "a stiffer desk and mount, and one clock for arm and camera"
-RUN_EFFECTS = (
-    RunEffect("grip_x", "where along the desk the edge is grasped", GRIPPER_REMEDY,
-              "m", 3e-4, 3e-4, place="rig.grip_x", common=True),
-    RunEffect("grip_z", "at what height the edge is grasped", GRIPPER_REMEDY,
-              "m", 3e-4, 3e-4, place="rig.grip_z", common=True),
-    RunEffect("grip_pitch", "at what angle the edge is grasped", GRIPPER_REMEDY,
-              "rad", 0.005, 0.005, place="rig.grip_tilt"),
-    RunEffect("slack", "how much strip lies between edge and grip", GRIPPER_REMEDY,
-              "m", 3e-4, 3e-4, place="mechanics.length"),
-    RunEffect("damping", "the strip's damping", AIR_REMEDY,
-              "1", 0.05, 0.05, place="mechanics.viscosity", common=True),
-    RunEffect("stiffness", "the strip's stiffness", AIR_REMEDY,
-              "1", 0.005, 0.01, place="mechanics.rigidity", common=True),
-    RunEffect("desk_height", "the height of the desk", RIG_REMEDY,
-              "m", 2e-4, 3e-4, place="rig.desk_height"),
-    RunEffect("clock_start", "the start of the camera's clock", RIG_REMEDY,
-              "s", 0.002, 0.003, place="observation.camera_latency"),
-)  # fmt: skip
-"""Spreads: grasping by two fingers 0.3 mm, damping 5 %, stiffness 0.5 % of a well kept
-bench.
-"""
-
-TARE = "a tare in the posture at rest right before the grasp"
-ONE_MESSAGE = "force and place from one message of the arm"
-FORCE_EFFECTS = (
-    RunEffect("force_x", "what the tare left of the force along the desk", TARE,
-              "N", 0.02, 0.0005, place="observation.force_x", common=True),
-    RunEffect("force_z", "what the tare left of the force upwards", TARE,
-              "N", 0.02, 0.0005, place="observation.force_z", common=True),
-    RunEffect("force_delay", "how late the arm reports a force", ONE_MESSAGE,
-              "s", 0.005, 0.0005, place="observation.force_delay"),
-)  # fmt: skip
-"""What runs that measure force differ by besides. Spreads: assumed, for an arm at its
-best.
-"""
+"""What differs between runs, and between runs that measure force besides."""
 
 KNOWN_EFFECTS = (*RUN_EFFECTS, *FORCE_EFFECTS)
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from drivers.base.geometry import MAD
 from drivers.base.jit import entry, kernel
-from drivers.base.robust import MAD
 
 SEARCH_SPAN = 0.08  # m of the strip on each side of where a point should lie
 STRIDE = 4  # nodes

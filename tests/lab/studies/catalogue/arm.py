@@ -24,6 +24,7 @@ from cell.gap.fit import fit
 from cell.record.files import JOINTS, RUN
 from cell.record.tables import joint_table, write_parquet
 from drivers.base.geometry import interpolate_columns
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array, Velocity, frozen
 from drivers.franka.model import ArmPlant
 from drivers.franka.reach import densify
@@ -35,17 +36,7 @@ from tests.lab.studies.study import Quantity, Statistic, Study, Values, percenta
 ARM = CHECKOUT_CONFIGS / "mechanisms" / "arm" / "mechanism.yaml"
 FOLDS = ((0.60, 0.16), (0.45, 0.12), (0.52, 0.19))
 STEP, GAIN, RAISED = 0.02, 3.0, 0.1  # s, 1/s, m
-FAULTS: Mapping[str, Mapping[str, Any]] = {
-    "nothing": {},
-    "dry_friction": {"friction": (0.4, 0.5, 0.3, 0.6, 0.3, 0.2, 0.3)},
-    "payload": {"payload": 0.25},
-    "torque_bias": {"torque_bias": (0.3, -0.6, 0.5, 0.4, -0.3, 0.3, 0.2)},
-    "control_delay": {"delay": 0.006},
-    "joint_elasticity": {"compliance": (7e-5, 7e-5, 7e-5, 7e-5, 1e-4, 1e-4, 1e-4)},
-    "encoder_bias": {"encoder_bias": (0.0, 0.012, 0.0, -0.015, 0.0, 0.02, 0.0)},
-    "cable_spring": {"cable": (0.5, 0.6, 0.4, 0.5, 0.3, 0.3, 0.3)},
-    "torque_constant": {"torque_scale": (0.06, 0.05, -0.06, 0.06, -0.05, 0.06, 0.05)},
-}
+FAULTS: Mapping[str, Mapping[str, Any]] = read_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 def drive(plant: ArmPlant, length: float, speed: float) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cell.base.config.places import find_configs
-from drivers.base.robust import robust_sigma
+from drivers.base.geometry import robust_sigma
 from drivers.base.types import Array
 from drivers.strip.shape import fold_tip
 from policies.experiments.standard import REFERENCE_RUN, STANDARD
