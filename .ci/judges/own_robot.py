@@ -67,6 +67,7 @@ def follow(folder: Path) -> None:
     mapping.write_text(mapping.read_text().replace("null", str(TORQUE_CONSTANT)))
     said = "".join(_run(line, folder) for line in commands.splitlines())
 
+    require("takes it back" in said, "the way back after an acceptance")
     verdict = json.loads((folder / "out/verdict.json").read_text())
     names = [effect["name"] for effect in verdict["effects"]]
     require(names == ["dry_friction"], f"dry friction by name, not {names}")

@@ -395,12 +395,16 @@ def accept(
     its file.
     """
     from cell.gap.verdict.accept import accept as apply_patch
+    from cell.gap.verdict.fit_folder import VERDICT
+    from cell.gap.verdict.schema import read_verdict
 
     file = _subject_file(strip, model, configs, subject)
     changed = apply_patch(
         fitted, file, _cell_file(model, configs), law=law, force=force
     )
-    _print_changed("accepted", changed, as_json=as_json)
+    step = read_verdict(fitted / VERDICT).next
+    then = step.words.partition("; ")[2] if step else ""
+    _print_changed("accepted", changed, then, as_json=as_json)
 
 
 @gap.command()
@@ -417,16 +421,17 @@ def undo(
 
     file = _subject_file(strip, model, configs, subject)
     changed = restore(fitted, file, _cell_file(model, configs))
-    _print_changed("undone", changed, as_json=as_json)
+    _print_changed("undone", changed, "", as_json=as_json)
 
 
-def _print_changed(what: str, changed: "AcceptResult", *, as_json: bool) -> None:
-    """Print which effects `changed`, accepted or undone as `what` says, and in which
-    files.
+def _print_changed(
+    what: str, changed: "AcceptResult", then: str, *, as_json: bool
+) -> None:
+    """Print which effects `changed`, accepted or undone as `what` says, in which files,
+    and what may be done `then`, if anything.
     """
-    text = "\n  ".join(
-        [f"{what}: {', '.join(changed.effects)}", *map(str, changed.files)]
-    )
+    lines = [f"{what}: {', '.join(changed.effects)}", *map(str, changed.files)]
+    text = "\n  ".join([*lines, then] if then else lines)
     say({what: changed.effects, "files": changed.files}, text, as_json=as_json)
 
 

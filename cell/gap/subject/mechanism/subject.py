@@ -7,6 +7,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,20 +53,12 @@ from cell.gap.subject.subject import (
 )
 from cell.record.header import Load
 from drivers.base.errors import ConfigurationError
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array
 
 BLOCK = 0.4  # rad of the fastest signal in one sample
-# key, factor, and tolerated rms gap, of positions [rad, m] and rates; of torques a
-# share of their spread, for they follow from current or duty, with ripple and supply
-# that no model states; assumed
-KINDS = {
-    "position": ("mrad", 1e3, 1e-3),
-    "velocity": ("mrads", 1e3, 1e-2),
-    "torque": ("Nm", 1.0, 0.05),
-    "tracking": ("mrad", 1e3, 1e-4),
-    "site": ("mm", 1e3, 1e-3),
-    "sensor": ("si", 1.0, 0.0),
-}
+KINDS = read_yaml(Path(__file__).with_name("signal_kinds.yaml"))
+"""Key, factor and tolerated rms gap of each kind of signal."""
 HARDLY = 0.03  # rad or m, travel of a joint below which it hardly shows anything
 # of keys, which write them without space or slash
 UNITS = {"Nm": "N m", "mrads": "mrad/s"}
