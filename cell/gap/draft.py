@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
-from tempfile import NamedTemporaryFile, TemporaryDirectory
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import mujoco
@@ -36,7 +36,7 @@ from cell.record.exchange.import_runs import sources_in, write_run
 from cell.record.exchange.mapping import UNITS, SignalMapping, Source, Table
 from cell.record.tables import NAMED as LISTED, numbers_of, with_named_parts
 from drivers.base.errors import ConfigurationError
-from drivers.base.files import writing
+from drivers.base.files import write_file
 from drivers.base.geometry import robust_sigma
 from drivers.base.readers import read_json
 from drivers.base.settings import Settings, parse
@@ -390,15 +390,13 @@ def _opened(draft: Draft, runs: Sequence[Source]) -> MechanismSubject:
     columns = {name: each.with_factor() for name, each in draft.columns.items()}
     whole = replace(draft, columns=columns)
     mapping = parse(parse_yaml(whole.mapping(), "draft"), SignalMapping, "draft")
-    folder = draft.model.parent
-    with (
-        TemporaryDirectory() as scratch,
-        writing(folder),
-        NamedTemporaryFile("w", dir=folder, prefix=".", suffix=".yaml") as file,
-    ):
-        file.write(whole.robot())
-        file.flush()
-        folders = [RunFolder(Path(scratch) / run.name, run.name) for run in runs]
-        for i, run in enumerate(runs):
-            write_run(run, mapping, i, folders[i].path)
-        return open_mechanism(Path(file.name), folders)
+    file = draft.model.with_name(f".{draft.name}-draft.yaml")  # beside its model
+    write_file(file, whole.robot())
+    try:
+        with TemporaryDirectory() as scratch:
+            folders = [RunFolder(Path(scratch) / run.name, run.name) for run in runs]
+            for i, run in enumerate(runs):
+                write_run(run, mapping, i, folders[i].path)
+            return open_mechanism(file, folders)
+    finally:
+        file.unlink()

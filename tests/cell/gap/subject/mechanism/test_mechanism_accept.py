@@ -19,22 +19,11 @@ from cell.gap.subject.mechanism.patch import accepted_xml
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.verdict.accept import Change, accept, undo
 from cell.interface.handover import export_fit
+from drivers.base.readers import read_yaml
 from tests.support.fit_folders import write_mechanism_fit
 from tests.support.mechanisms import ARM, FORWARD, make_arm, opened
 
-NAMED = {
-    "dry_friction": {"torque_shoulder": 0.08, "torque_left.elbow": 0.04},
-    "quadratic_damping": {"coefficient_shoulder": 0.02, "coefficient_left.elbow": 0.01},
-    "cable_spring": {"stiffness_shoulder": 0.2, "stiffness_left.elbow": 0.1},
-    "armature": {"inertia_shoulder": 0.004, "inertia_left.elbow": 0.002},
-    "payload": {"mass": 0.05},
-    "com_error": {"x": 0.004, "y": 0.0, "z": -0.003},
-    "base_tilt": {"x": 0.02, "y": -0.03},
-    "torque_constant": {"error_shoulder": 0.05, "error_left.elbow": -0.08},
-    "saturation": {"torque_shoulder": 3.0, "torque_left.elbow": 2.0},
-    "air_drag": {"coefficient": 1.1},
-    "link_geometry": {"x_lower": 0.006, "y_lower": 0.004, "z_lower": -0.009},
-}
+NAMED = read_yaml(Path(__file__).with_suffix(".yaml"))
 RIG = {"encoder_bias": {"bias_shoulder": 0.01, "bias_elbow": -0.02}}
 BASE = {"damping_shoulder": 0.35, "damping_left.elbow": 0.08, "mass_lower": 0.51}
 
