@@ -350,7 +350,6 @@ def check(
     """
     from cell.gap.check import check as check_runs, check_page
     from cell.gap.subject.run_folders import find_runs
-    from cell.report.figures import drawings
     from drivers.base.files import write_file
     from drivers.base.outputs import check_output_folder
 
@@ -359,8 +358,11 @@ def check(
     with working("reading", quiet=0.0) as shown:
         checked = check_runs(runs, file, _threads(jobs), shown)
     write_file(out / "check.json", checked.to_json())
-    folders = [run.path for run in find_runs(runs)]
-    drawn = drawings(folders) if strip else []
+    drawn = []
+    if strip:
+        from cell.report.figures import drawings
+
+        drawn = drawings([run.path for run in find_runs(runs)])
     write_file(out / "check.html", check_page(checked, file.stem, drawn))
     text = f"{checked}\n  {out / 'check.html'}"
     say(json.loads(checked.to_json()), text, as_json=as_json)
