@@ -16,6 +16,7 @@ import typer
 
 from cell.__main__ import main
 from cell.interface.cli.app import app
+from drivers.base.readers import read_yaml
 from tests.lab.__main__ import app as lab
 from tests.support.fci_clients import served
 from tests.support.run_edits import edit_yaml
@@ -65,25 +66,7 @@ PLAYED = {
 }
 # of the first day, on an emulated robot
 WALKED = ("1", "3", "7", "8", "11")
-ELSEWHERE = {  # what other tests run, with other files and numbers
-    "cell gap": "tests/end_to_end/test_gap_circle.py",
-    "cell fold --strip denim --plant moved.yaml": ("tests/cell/setup/test_wizards.py"),
-    "cell fold --strip denim --arm fci": "tests/end_to_end/test_arm_faults.py",
-    "cell fold --strip denim --policy feedback": "tests/end_to_end/test_fold_whole.py",
-    "cell fold --strip denim --policy imitated": ".ci/judges/taught.py",
-    "cell export": ".ci/judges/taught.py",
-    "cell benchmark": "tests/cell/studies",
-    "cell train": "tests/cell/studies",
-    "cell twin serve": "tests/cell/interface/cli/test_twin_command.py",
-    "cell camera": "tests/cell/interface/cli/test_camera_command.py",
-    "cell import": "tests/cell/exchange/test_import_runs.py",
-    "cell observe": "tests/end_to_end/test_observe.py",
-    "cell strips measure": "tests/cell/setup/strips/test_strips_measure_command.py",
-    "python -m tests.lab measure-confidence": "tests/lab/tests/test_exam_confidence.py",
-    "python -m tests.lab study unknown --count 2000": (
-        "tests/cell/base/campaign/test_cluster.py"
-    ),
-}
+ELSEWHERE = read_yaml(Path(__file__).with_name("runbooks.yaml"))
 
 
 def fenced(text: str) -> list[str]:

@@ -29,6 +29,7 @@ from cell.report.overlay import SHOWN_OUTLINES, ShownImages, silhouettes
 from cell.report.page import report, write_report
 from cell.report.viz.recording import viz_from_run
 from drivers.base.errors import ConfigurationError
+from drivers.base.readers import read_yaml
 from policies.feedback import COMMITTED, load_checkpoint, save_checkpoint
 from tests.end_to_end.folded import Folded, fold_and_keep
 from tests.support.requests import request_for
@@ -228,16 +229,7 @@ def test_camera_arm_and_prediction_agree(denim: Folded) -> None:
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 Effects = Mapping[str, Mapping[str, float]]
-RIG: dict[str, dict[str, float]] = {
-    "tcp_offset": {"x": 0.004, "z": -0.003},
-    "gripper_tilt": {"angle": 0.08},
-    "desk_height": {"height": 0.002},
-    "control_delay": {"time": 0.03},
-    "camera_latency": {"time": 0.03},
-    "homography_scale": {"scale": 0.008},
-    "homography_shift": {"x": 0.004, "z": 0.0012},
-    "contact_bias": {"bias": 0.004},
-}
+RIG: dict[str, dict[str, float]] = read_yaml(Path(__file__).with_name("rig.yaml"))
 
 
 def affected(effects: Effects, folder: Path, *, accepted: bool) -> Folded:

@@ -1,5 +1,8 @@
 """Paths of the lift, and the names of policies."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,6 +11,7 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile, paper_strip
 from drivers.strip.rod.engine import Rod
 from policies.path import Path, triangular, vertical_lift
+from policies.planned import RaisedTriangles
 from policies.registry import make_policy, policy_names
 from tests.support.effect_cases import simulate
 
@@ -19,6 +23,14 @@ def test_lift_that_does_not_push_bends_no_strip_sharply(bending_length: float) -
     strip = STRIP.model_copy(update={"bending_length": bending_length})
     assert sharpest(vertical_lift(0.6), strip) < 20.0
     assert sharpest(triangular(0.6), strip) > 60.0
+
+
+def test_each_gripper_follows_the_triangle_of_its_own_rise() -> None:
+    policy = RaisedTriangles(np.array([0.05, 0.0, 0.05]))
+    policy.reset(STRIP, 0.1, 3)
+    seen: Any = SimpleNamespace(x=np.full(3, 0.45), z=np.full(3, 0.15))
+    first, second, third = policy.decide(seen).direction
+    assert first == third != second
 
 
 def sharpest(path: Path, strip: StripFile) -> float:

@@ -1,9 +1,11 @@
 """Strips, values and predictions that the tests of effects share."""
 
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
@@ -21,27 +23,7 @@ OBSERVED = ("contact_x", "holding_force", "grip_force")
 EVERY = 20  # steps between shapes
 PATHS = {"triangular": triangular(LENGTH), "circular": circular(LENGTH)}
 # Values that the tests of today were written for; others follow from the role.
-USUAL = {
-    "factor": 5.0,
-    "position": 0.3,
-    "width": 0.03,
-    "ratio": 0.3,
-    "time": 0.5,
-    "angle": 0.1,
-    "mass": 1e-3,
-    "x": 0.003,
-    "z": 0.003,
-    "stiffness_ratio": 8.0,
-    "yield_curvature": 12.0,
-    "cubic": 3e-5,
-    "coefficient": 2.0,
-    "fifth": 0.3,
-    "slow": 0.03,
-    "oblique": 0.3,
-    "along": 0.1,
-    "softness": 0.3,
-    "set": 0.4,
-}
+USUAL = read_yaml(FilePath(__file__).with_suffix(".yaml"))
 DENIM: dict[str, Any] = {
     "schema": 1,
     "name": "denim",

@@ -13,6 +13,7 @@ import yaml
 from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array
 
 ARM = """<mujoco model="arm">
@@ -37,26 +38,7 @@ ARM = """<mujoco model="arm">
   </actuator>
 </mujoco>
 """
-FORWARD: dict[str, Any] = {
-    "schema": 1,
-    "kind": "mechanism",
-    "name": "arm",
-    "model": "arm.xml",
-    "mode": "forward",
-    "step": 0.002,
-    "hold": 0.01,
-    "signals": {
-        "shoulder": {"joint": "shoulder", "is": "position", "sigma": 3e-4},
-        "elbow": {"joint": "elbow", "is": "position", "sigma": 3e-4},
-        "a2_torque": {"actuator": "a2", "is": "torque", "sigma": 0.02},
-    },
-    "inputs": {"a1": "ctrl", "a2": "ctrl"},
-    "start": {"position": "measured", "velocity": 0.0, "spread": 2e-3},
-    "uncertain": [
-        {"joint": "*", "field": "damping", "spread": "50%"},
-        {"body": "lower", "field": "mass", "spread": "1%"},
-    ],
-}
+FORWARD: dict[str, Any] = read_yaml(Path(__file__).with_suffix(".yaml"))
 PRESCRIBED: dict[str, Any] = {
     **FORWARD, "mode": "prescribed",
     "signals": {"t1": {"actuator": "a1", "is": "torque", "sigma": 0.02},

@@ -1,24 +1,18 @@
 """Strip shapes and scenes for tests and benchmark of the renderer."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from drivers.base.geometry import arc_lengths
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array, Pose
 from drivers.twin.world import WorldState
 
 LENGTH, NODES = 0.6, 601
-KNOTS: dict[str, tuple[list[float], list[float]]] = {
-    "flat": ([0.0, 0.6], [0.0, 0.0]),
-    "lifted": ([0.0, 0.35, 0.6], [0.0, 0.0, 1.55]),
-    "high": ([0.0, 0.12, 0.24, 0.36, 0.48, 0.6], [0.0, 0.0, 0.9, 1.4, 1.5, 1.57]),
-    "closing": (
-        [0.0, 0.29, 0.335, 0.36, 0.46, 0.52, 0.6],
-        [0.0, 0.0, 2.6, 3.25, 3.3, 2.7, 1.7],
-    ),
-    "laid": ([0.0, 0.285, 0.32, 0.34, 0.37, 0.6], [0.0, 0.0, 2.6, 3.4, 3.15, 3.1416]),
-}
+KNOTS: dict[str, tuple[list[float], list[float]]]
+KNOTS = read_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 def midline(kind: str) -> tuple[Array, Array]:

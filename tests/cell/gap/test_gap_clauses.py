@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cell.gap.diagnosis.lack_of_fit import Bin
+from cell.gap import forward_selection
+from cell.gap.diagnosis.lack_of_fit import Bin, ResidualTest
 from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.fitting.model import Model, Point
 from cell.gap.selection import hold_out
@@ -98,6 +99,20 @@ def test_a_second_effect_leads_the_first_beyond_what_its_law_gets_wrong(
     one, two = model("a", nats=[90.0], error=error), model("a", "b", nats=[90 + gained])
     nats = {"": 0.0, "a": 50.0, "a b": lead}
     assert chosen([model(), one, two], nats) == found
+
+
+@pytest.mark.parametrize(
+    ("overall", "place", "more"),
+    [(0.5, 0.5, False), (1e-9, 0.5, True), (0.5, 1e-9, True)],
+)
+def test_more_than_noise_is_left_over_all_or_at_one_place(
+    monkeypatch, overall, place, more
+) -> None:
+    bins = [SimpleNamespace(p=place)]
+    left = SimpleNamespace(misfit=lambda: overall, test_bins=lambda: bins)
+    monkeypatch.setattr(ResidualTest, "of", lambda *_: left)
+    monkeypatch.setattr(forward_selection, "best_fitting", lambda _: None)
+    assert forward_selection._leaves_more(Known((model(),))) is more
 
 
 def doubt(

@@ -1,6 +1,7 @@
 """Which sets of effects are probable, and what is stated of a name."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from cell.gap.selection.posterior import (
     Beliefs,
     Posterior,
     SetProbability,
+    _SharedTerms,
     floor_responses,
     posterior,
     shared_causes,
@@ -140,6 +142,13 @@ def test_what_the_floor_allows_is_no_effect() -> None:
     exact = sets(subject, ("bump",))
     wary = sets(subject, ("bump",), prior=EXACT.model_copy(update={"immaterial": 0.5}))
     assert wary.inclusion["bump"] < exact.inclusion["bump"]
+
+
+def test_a_law_that_may_be_wrong_is_no_evidence_by_itself(monkeypatch) -> None:
+    monkeypatch.setattr(_SharedTerms, "_evidence_at", lambda *_: 3.0)
+    known: Any = SimpleNamespace(effects=["one"])
+    terms: Any = _SharedTerms(known, np.ones(1), {}, Beliefs.shipped())
+    assert terms.evidence(known) == pytest.approx(3.0)
 
 
 def test_a_law_that_may_be_wrong_leaves_room_for_what_it_leaves() -> None:

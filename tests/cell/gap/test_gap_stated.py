@@ -67,6 +67,13 @@ def test_an_inverse_parameter_is_tolerated_as_files_state_it() -> None:
     assert deviations([slip], {slip.name: outside})[0].stated == 0.5
 
 
+def test_what_a_file_has_already_is_refitted_and_not_named_again() -> None:
+    effects = {"air_drag": {"coefficient": 2.0}}
+    known = scope(denim().model_copy(update={"effects": effects}))
+    assert "air_drag" not in [each.name for each in known.candidates]
+    assert "air_drag.coefficient" in [p.name for p in known.base]
+
+
 def test_a_strip_file_s_own_spread_is_its_tolerance() -> None:
     plain = {p.name: p for p in scope(denim()).base}
     assert plain["bending_length"].tolerated == pytest.approx((0.01445, 0.01955))

@@ -5,13 +5,21 @@ states came.
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 from drivers.base.child import Child
 from drivers.franka.failure import ArmFault, Cause
-from drivers.franka.joint_log import EDGES_MS, Timing
+from drivers.franka.joint_log import (
+    EDGES_MS,
+    JOINT_FIELDS,
+    JointLog,
+    Timing,
+    joint_rows,
+)
 from drivers.franka.mailbox import Mailbox
 from drivers.franka.process import PRIORITY, apply_realtime
 
@@ -89,3 +97,10 @@ def test_intervals_are_counted_in_their_bins_and_the_longest_is_kept() -> None:
     assert told["counts"][EDGES_MS.index(1.1)] == 2
     assert told["longest_ms"] == pytest.approx(198.0)
     assert told["answered"] == pytest.approx(0.75)
+
+
+def test_a_log_holds_measured_and_commanded_joints_apart() -> None:
+    log = JointLog()
+    log.add(0.5, SimpleNamespace(**{n: [k] * 7 for k, n in enumerate(JOINT_FIELDS)}))
+    (row,) = joint_rows(log.content())
+    assert row.tolist() == [0.5, *np.repeat(range(len(JOINT_FIELDS)), 7)]

@@ -3,11 +3,13 @@ converge.
 """
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from drivers.base.geometry import arc_lengths
+from drivers.base.readers import read_yaml
 from drivers.strip.describe import describe
 from drivers.strip.model import scale_rigidity, with_field
 from drivers.strip.rod import layout as at
@@ -117,24 +119,14 @@ def test_crease_up_lifts_and_crease_down_presses() -> None:
     assert tips[0] + 0.01 < tips[1] < tips[2] - 0.01
 
 
-CONVERGING = [
-    ("quadratic_damping", {"coefficient": 3e-4}),
-    ("relaxation", {"ratio": 0.3, "time": 0.3}),
-    ("stretch", {"stiffness": 5.0}),
-    ("air_drag", {"coefficient": 2.0}),
-    ("end_slip", {"friction": 0.4}),
-    ("grip_slip", {"force": 0.15}),
-    ("gripper_compliance", {"compliance": 1000.0}),
-    ("length_error", {"error": 0.003}),
-    ("crease", {"angle": 0.5, "position": 0.3}),
-]
+CONVERGING = read_yaml(Path(__file__).with_name("converging.yaml"))
 
 
 @pytest.mark.parametrize("path", ["triangular", "circular"])
 def test_effects_converge_in_elements_and_step(path: str) -> None:
-    models = [affected(name, **values) for name, values in CONVERGING]
+    models = [affected(name, **values) for name, values in CONVERGING.items()]
     coarse, fine = folds(models, path, 100), folds(models, path, 300, 0.0025)
-    for (name, _), one, two in zip(CONVERGING, coarse, fine, strict=True):
+    for (name, _), one, two in zip(CONVERGING.items(), coarse, fine, strict=True):
         expected = two.touch
         assert one.touch.displacement == pytest.approx(
             expected.displacement, abs=6e-4

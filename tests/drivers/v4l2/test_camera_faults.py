@@ -89,6 +89,11 @@ def test_stall_is_reported_until_a_frame_arrives(kernel, camera) -> None:
     assert_fresh(kernel, camera)
 
 
+def test_a_closed_camera_keeps_no_buffer_of_the_driver(kernel, camera) -> None:
+    camera.close()
+    assert kernel._buffers == []
+
+
 def test_poll_error_without_a_frame_does_not_spin(kernel, camera) -> None:
     kernel.faults.stuck = True
     waits = kernel.waits

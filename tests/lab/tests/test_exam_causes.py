@@ -3,11 +3,13 @@ say.
 """
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion
@@ -21,15 +23,7 @@ from tests.support.effect_cases import LENGTH, denim, simulate, way
 
 LINKS, STEP = 40, 0.005
 LATE = 6  # runs that a specimen has been through before
-ALIKE: dict[str, dict[str, float]] = {
-    "dahl": {"yield_curvature": 3.0, "stiffness_ratio": 8.0},
-    "oblique_drag": {"coefficient": 3.0},
-    "sinh_bending": {"cubic": 5e-5},
-    "power_damping": {"coefficient": 5e-4},
-    "smooth_gradient": {"slope": 0.8},
-    "soft_seam": {"factor": 1.6, "position": 0.3, "width": 0.03},
-    "log_creep": {"ratio": 0.3, "time": 0.7},
-}
+ALIKE: dict[str, dict[str, float]] = read_yaml(Path(__file__).with_suffix(".yaml"))
 """Values of the effect that each cause resembles; the first one is the cause's own as
 well.
 """

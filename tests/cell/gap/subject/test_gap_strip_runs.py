@@ -11,6 +11,8 @@ import pytest
 
 from cell.gap.subject.strip import synthetic
 from cell.gap.subject.strip.contradictions import contradictions
+from cell.gap.subject.strip.preprocessing import images_of
+from cell.record.columns import Profile
 from cell.record.run import read_run
 from tests.support.gap_strip_cases import denim, folds, opened, read, written
 from tests.support.run_edits import edit_yaml
@@ -30,6 +32,16 @@ def runs(measured: Path, tmp_path: Path) -> Path:
 
 def first(runs: Path) -> Path:
     return min(runs.iterdir())
+
+
+def test_images_that_follow_at_once_are_no_further_evidence() -> None:
+    x = np.linspace(0.1, 0.4, 20)
+    t = np.repeat([0.0, 0.01, 0.06, 0.09, 0.12], len(x))
+    i, along = np.resize(np.arange(20.0), t.shape), np.resize(x, t.shape)
+    profile = Profile(t=t, i=i, x=along, z=0.0 * along)
+    seen = images_of(profile, np.tile([0.4, 0.0], (len(t), 1)), 0.6, 1e-3)
+    assert seen.stamps.tolist() == [0.0, 0.06, 0.12]
+    assert seen.s[-1] == pytest.approx(0.6)
 
 
 def test_what_was_measured_comes_back_and_is_told_where_it_is_swapped(

@@ -15,22 +15,16 @@ from cell.base.config.places import find_configs
 from cell.folding.experience import Memory, experience_by_ruler
 from cell.folding.result import FoldResult
 from cell.record.run import read_run
+from drivers.base.readers import read_yaml
 from drivers.strip.file import StripFile
 from policies.strip_sampling import STRIP_LENGTH, draw_friction, plain_strip
 from tests.lab.studies.kit.folds import changed_since, compare, fold_unknown
 from tests.lab.studies.study import Quantity, Statistic, Study, Values, percentage
 
 RIGHT_CELL = "right"
-WRONG_CELLS: Mapping[str, Mapping[str, Mapping[str, float]]] = {
-    "tool 3 mm off": {"tcp_offset": {"x": 0.003, "z": 0.0}},
-    "desk 1 mm low": {"desk_height": {"height": -0.001}},
-    "images 20 ms old": {"camera_latency": {"time": 0.02}},
-    "images shifted 2 mm": {"homography_shift": {"x": 0.002, "z": 0.0}},
-    "board 0.3 % off": {"homography_scale": {"scale": 0.003}},
-    "arm 10 ms late": {"control_delay": {"time": 0.01}},
-    "strip 2 mm longer": {"length_error": {"error": 0.002}},
-    "stated 0.5 mm thicker": {},
-}
+WRONG_CELLS: Mapping[str, Mapping[str, Mapping[str, float]]] = read_yaml(
+    Path(__file__).with_suffix(".yaml")
+)
 THICKER = {"stated 0.5 mm thicker": 5e-4}  # m
 SHORT_SERIES, LONG_SERIES, CHANGED_SERIES = (
     "two folds",

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.mechanism.effects import registry
+from cell.gap.subject.mechanism.effects.compliance import SWAY
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from drivers.base.types import Array
 from tests.support.mechanisms import FORWARD, PRESCRIBED, make_arm, opened
@@ -50,6 +51,14 @@ def simulated(arm: MechanismSubject, effects: dict[str, Array]) -> Array:
 
 def test_the_library_has_what_the_contract_names() -> None:
     assert set(registry()) == CONTRACT | PENDULUMS
+
+
+def test_a_base_is_tried_that_sways_a_few_times_slower_than_at_its_least(arm) -> None:
+    sways = registry()["base_compliance"].parameters(arm.mechanism)
+    along = next(p for p in sways if p.name == "compliance_x")
+    moved = arm.mechanism.model.body_mass.sum()
+    rate = (along.spread * moved) ** -0.5  # rad/s of the base with that compliance
+    assert rate == pytest.approx(SWAY)
 
 
 @pytest.mark.slow
