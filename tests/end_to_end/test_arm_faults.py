@@ -14,6 +14,7 @@ from cell.folding.fold import fold
 from cell.folding.request import RecordingOptions
 from cell.record.run import read_run
 from drivers.base.errors import Fault
+from drivers.base.readers import read_yaml
 from drivers.twin.fci_server.faults import VersionFault
 from tests.drivers.franka.rig import arm_of, served
 from tests.lab.faults.blow import Blow, strike
@@ -21,17 +22,7 @@ from tests.lab.studies.kit.folds import cached_calibration
 from tests.support.children import wait_for_state
 from tests.support.requests import request_for
 
-OUTCOMES = {
-    "robot: reflex": ("arm_reflex",),
-    "robot: user stop": ("arm_user_stop",),
-    "robot: link lost": ("arm_network",),
-    "robot: silent 0.7 s": ("layer_touch",),
-    "robot: silent 1.5 s": ("arm_network",),
-    "robot: no number": ("arm_pose_not_finite",),
-    "robot: push of 20 N": ("arm_contact",),
-    "robot: cell silent for 1 s": ("arm_cell_silent", "setpoint_expired"),
-    "robot: driver killed": ("arm_driver_lost",),
-}
+OUTCOMES = read_yaml(Path(__file__).with_suffix(".yaml"))
 LONG = ("robot: user stop", "robot: silent 0.7 s", "robot: silent 1.5 s")
 # in which the arm follows commands
 STATES = ("PREFLIGHT", "GRASP", "LIFT", "FOLD", "LAY")

@@ -16,6 +16,7 @@ from cell.record.run import read_run
 from cell.report.viz.opening import open_recording
 from cell.report.viz.playback import LogLine, TickView, moments_of
 from cell.report.viz.recording import RerunWriter, layout
+from drivers.base.readers import read_yaml
 from drivers.base.settings import parse
 from drivers.base.types import Image
 from drivers.strip.file import StripFile
@@ -28,13 +29,7 @@ SIZE = "1600x900"  # px of the window; half of those of the picture
 SCREEN = "-screen 0 3800x1790x24"
 TIMEOUT = 240  # s
 # left, top, right, bottom in shares of the picture, by what a run shows there
-PLACES = {
-    "cell": (0.1, 0.1, 0.6, 0.58),
-    "film": (0.03, 0.66, 0.34, 0.96),
-    "verdict": (0.38, 0.63, 0.6, 0.8),
-    "states": (0.62, 0.11, 0.99, 0.14),
-    "curves": (0.64, 0.2, 0.92, 0.36),
-}
+PLACES = read_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 def picture(recording: Path, out: Path) -> Image:

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
-from math import isnan
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
@@ -100,7 +99,8 @@ def runs(
     if pruning:
         # a plan stays together
         rows = tuple(row for row in rows if row.folder.parent == folder)
-        rows = to_prune(rows, datetime.now(UTC), keep=keep, older_than=_age(older_than))
+        age = None if older_than is None else timedelta(days=older_than)
+        rows = to_prune(rows, datetime.now(UTC), keep=keep, older_than=age)
     if html is not None:
         from cell.report.runs_page import write_runs_page
 
@@ -128,15 +128,6 @@ def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> Non
         print_json(*map(_row_facts, rows))
     else:
         _print_table(rows)
-
-
-def _age(days: float | None) -> timedelta | None:
-    """Age that --older-than states in `days`, None if not given; ConfigurationError for
-    nan.
-    """
-    if days is not None and isnan(days):
-        raise ConfigurationError("--older-than: is nan; give a number of days")
-    return None if days is None else timedelta(days=days)
 
 
 def _row_facts(row: "RunRow") -> dict[str, Any]:

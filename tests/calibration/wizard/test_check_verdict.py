@@ -50,3 +50,9 @@ def test_points_that_are_off_or_too_few_refuse_it(
 ) -> None:
     (found,) = check_verdict(touched(*off), STRAIGHT, SETTINGS).reasons
     assert found.startswith(reason)
+
+
+def test_a_program_is_told_the_median_and_the_worst_error() -> None:
+    facts = check_verdict(touched(0.1, 0.2, 0.9), STRAIGHT, SETTINGS).facts()
+    assert facts["median_mm"] == pytest.approx(0.2)
+    assert facts["worst_mm"] == pytest.approx(0.9)

@@ -105,3 +105,7 @@ def test_order_of_views_has_no_influence() -> None:
     )
     assert one.matrix == pytest.approx(other.matrix, rel=1e-6)
     assert one.distortion == pytest.approx(other.distortion, rel=1e-5)
+
+
+def test_a_program_is_told_that_a_lens_is_refused() -> None:
+    assert LensVerdict(reasons=("blurred",)).facts()["passed"] is False

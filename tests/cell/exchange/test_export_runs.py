@@ -6,10 +6,13 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from cell.record.exchange import lerobot
 from cell.record.exchange.export_runs import Format, export_runs
 from cell.record.exchange.import_runs import import_runs
 from cell.record.files import EVENTS
@@ -103,3 +106,8 @@ def test_a_spoilt_export_is_refused_in_one_line(
         import_runs(made, None, tmp_path / "back")
     assert "\n" not in str(error.value)
     assert not list((tmp_path / "back").glob("*"))
+
+
+def test_the_rate_of_a_set_is_the_usual_one_whatever_the_longest_gap() -> None:
+    ticks = SimpleNamespace(t=np.array([0.0, 0.01, 0.02, 0.03, 0.5]))
+    assert lerobot._rate([cast(Any, SimpleNamespace(ticks=ticks))]) == 100

@@ -3,11 +3,14 @@ accepted.
 """
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import yaml
 
 from cell.gap.fit import FitOptions, fit
+from cell.gap.report.page import _provenance
 from cell.gap.report.sentence import deviation_text, headline
 from cell.gap.subject.strip.scope import scope
 from cell.gap.verdict.accept import accept
@@ -138,3 +141,9 @@ def test_runs_of_another_strip_are_a_finding_and_its_patch_is_accepted(
     assert load_strip(file).bending_length == pytest.approx(0.0289, rel=0.02)
     again = fit([runs], file, tmp_path / "again", FitOptions(jobs=2))
     assert not again.deviates
+
+
+def test_a_page_says_which_motions_judged() -> None:
+    runs = [SimpleNamespace(name=n, condition=c) for n, c in ("a1", "b2")]
+    findings: Any = SimpleNamespace(subject=SimpleNamespace(runs=runs))
+    assert _provenance(findings, verdict_of(held_out=["b"])).endswith("Held out: 2.")

@@ -13,6 +13,7 @@ from cell.perception.perception import (
     SearchLine,
     find_contact,
 )
+from cell.perception.silhouette import _bridge_regions
 from drivers.strip.describe import load_strip
 from drivers.twin.settings import CameraSettings
 from policies.path import circular, triangular
@@ -149,3 +150,12 @@ def test_blank_image_is_no_sight_and_no_exception(level: int) -> None:
     blank = replace(frame, image=np.full_like(frame.image, level))
     sight = perception.measure(blank, fold.pose(200 / 60))
     assert sight.confidence < 0.3
+
+
+@pytest.mark.parametrize(("longest", "joined"), [(50.0, True), (20.0, False)])
+def test_a_gap_in_the_strip_is_bridged_up_to_a_length(longest, joined) -> None:
+    mask = np.zeros((20, 80), np.uint8)
+    body, other = np.array([[10, 10]]), np.array([[50, 10]])
+    grip = np.array([60.0, 10.0])
+    assert _bridge_regions(mask, body, [body, other], grip, longest) is joined
+    assert mask.any() == joined

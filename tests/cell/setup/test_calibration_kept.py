@@ -170,3 +170,11 @@ def test_run_records_id_residual_latency_and_age() -> None:
         "date": "2026-11-18T12:00:00+00:00",
         "age_days": 2.0,
     }
+
+
+def test_a_lock_on_a_calibration_is_one_process_s_alone(tmp_path: Path) -> None:
+    path = tmp_path / "calibration.yaml"
+    with calibration_in_use._file_lock(path):
+        other = path.with_suffix(".lock").open("rb")
+        with other, pytest.raises(BlockingIOError):
+            fcntl.flock(other, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -12,6 +12,7 @@ from cell.gap.fit import FitOptions, fit
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.verdict.accept import accept
 from cell.gap.verdict.schema import Verdict, read_verdict
+from drivers.base.readers import read_yaml
 from drivers.base.settings import load
 from drivers.base.types import Array
 from tests.support import swings
@@ -55,16 +56,7 @@ def test_hidden_dry_friction_is_named(rubbing: Path) -> None:
     assert verdict.gap.shrink > 0.8
 
 
-KEYS = [
-    ["schema", "verdict", "effects", "ambiguous", "unexplained", "base", "where", "gap",
-     "candidates", "advice", "detectable", "held_out", "runtime", "simulations",
-     "posterior", "notes", "next"],
-    ["name", "of", "parameters", "confidence"],
-    ["value", "low", "high", "unit"],
-    ["before", "after", "floor", "shrink", "shrink_low", "shrink_high"],
-    ["channel", "phase", "zone", "condition", "z", "p"],
-    ["name", "elpd_gain", "se", "p", "invariance_p", "parameters"],
-]  # fmt: skip
+KEYS = [*read_yaml(Path(__file__).with_name("verdict_keys.yaml")).values()]
 """Of a verdict, an effect, a value, the gap, a place and a candidate, in their order."""
 
 

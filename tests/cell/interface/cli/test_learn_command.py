@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from cell.folding.experience import Experience, Memory, run_key
-from drivers.base.errors import ConfigurationError
 from tests.support.commands import invoke, refused
 from tests.support.refusals import refusal
 from tests.support.requests import CELL
@@ -40,9 +39,10 @@ def test_it_shows_the_bias_and_where_edges_are_laid(memory: Memory) -> None:
 
 
 def test_a_run_goes_with_a_rulers_word(memory: Memory) -> None:
-    for wrong in ("runs/r0", "show --edges 3mm"):
-        with pytest.raises(ConfigurationError):
-            call(wrong)
+    with refusal("a run goes with --edges"):
+        call("runs/r0")
+    with refusal("--edges: goes with a run"):
+        call("show --edges 3mm")
     assert len(memory.experiences()) == 2
 
 

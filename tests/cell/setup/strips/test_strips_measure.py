@@ -2,12 +2,16 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import cv2
+import numpy as np
 import pytest
 
 from cell.setup.strips.cantilever_fit import RestCurvature
-from cell.setup.strips.measurement import Measurement, measure
+from cell.setup.strips.fit_figure import _zoom_to_ledge
+from cell.setup.strips.measurement import Measurement, _overhang_warning, measure
 from cell.setup.strips.photograph import read_photograph, read_photographs
 from tests.support.hanging_photographs import Scene, photograph
 from tests.support.shared import PHOTOGRAPHS, YARN, needs
@@ -85,3 +89,27 @@ def test_real_yarn_has_one_bending_length_at_all_overhangs() -> None:
     for fit, straight in zip(found.bending.fits, found.bending.straight, strict=True):
         assert fit.rms < 0.05 * fit.photograph.width
         assert straight.rms > 3 * fit.rms
+
+
+@pytest.mark.parametrize(("overhang", "hint"), [(0.01, "a: hardly bends"), (0.05, "")])
+def test_a_short_overhang_that_tells_little_is_named(
+    overhang: float, hint: str
+) -> None:
+    taken = SimpleNamespace(name="a", overhang=overhang, width=1e-4)
+    fits = [SimpleNamespace(photograph=taken, sigma=0.2)]
+    bending: Any = SimpleNamespace(
+        bending_length=SimpleNamespace(value=0.02), fits=fits
+    )
+    assert _overhang_warning(bending).partition(";")[0] == hint
+
+
+def test_the_figure_of_a_fit_shows_the_ledge_below_its_upper_border() -> None:
+    seen: dict[str, Any] = {}
+    axes = SimpleNamespace(set=seen.update, legend=lambda **_: None)
+    points = np.array([[0.2, 0.3]])
+    taken = SimpleNamespace(overhang=0.1, pixel=1e-3, points=points)
+    _zoom_to_ledge(
+        axes, cast(Any, SimpleNamespace(photograph=taken, bending_length=0.02))
+    )
+    low, high = sorted(seen["ylim"])
+    assert low < -300 < high

@@ -16,6 +16,7 @@ from scipy import optimize, special
 from cell.gap.rehearse import table
 from cell.gap.verdict.confidence import LogOddsCalibration, calibration
 from cell.gap.verdict.schema import VerdictEvidence
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array
 from drivers.strip.effects import registry
 from tests.lab.exam.case import Case
@@ -37,15 +38,7 @@ PAIRS = 8  # one case in so many hides two
 LACKING = (1, 3)  # of five cases, those that lack the effect
 # prior weights of the signs; the values between which they count stand in the shipped
 # calibration
-PRIORS = {
-    "log_odds": 3.0,
-    "gain": 1.0,
-    "left": -2.0,
-    "correlated": -2.0,
-    "correlation": -2.0,
-    "loss": -3.5,
-    "strain": -2.0,
-}
+PRIORS = read_yaml(Path(__file__).with_suffix(".yaml"))
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
 
 

@@ -1,39 +1,18 @@
 """The library of effects: each is nothing at its null, something beyond it."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from cell.gap.subject.mechanism.effects import registry
 from cell.gap.subject.mechanism.effects.compliance import SWAY
 from cell.gap.subject.mechanism.subject import MechanismSubject
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array
 from tests.support.mechanisms import FORWARD, PRESCRIBED, make_arm, opened
 
-CONTRACT = {
-    "dry_friction",
-    "quadratic_damping",
-    "presliding",
-    "cable_spring",
-    "joint_elasticity",
-    "backlash",
-    "armature",
-    "payload",
-    "com_error",
-    "torque_constant",
-    "torque_bias",
-    "torque_ripple",
-    "saturation",
-    "control_delay",
-    "sensor_delay",
-    "encoder_bias",
-    "encoder_scale",
-    "base_tilt",
-    "air_drag",
-    "contact_friction",
-    "link_inertia",
-    "base_compliance",
-    "link_geometry",
-}
+CONTRACT = {*read_yaml(Path(__file__).with_name("effects.yaml"))["mechanism"]}
 PENDULUMS = {"frame_tilt", "pivot_compliance", "wire_spring"}
 
 
