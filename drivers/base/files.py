@@ -140,7 +140,9 @@ def check_free(path: Path) -> None:
     included.
     """
     if os.path.lexists(path):
-        raise ConfigurationError(f"{path}: is there already; name another --out")
+        raise ConfigurationError(
+            f"{path}: is there already; move it away, or name another --out"
+        )
 
 
 @contextmanager

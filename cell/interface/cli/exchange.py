@@ -122,8 +122,6 @@ def _propose(
     if model is not None:
         files.insert(0, model.with_name("robot.yaml"))
         words += ["--model", files[0]]
-    for file in files:
-        check_free(file)
     if model is None:
         from cell.record.exchange.guess import guess_mapping
 
@@ -134,6 +132,8 @@ def _propose(
         with busy("comparing the runs with the model"):
             draft = draft_mechanism(model, paths)
         texts = [draft.robot(), draft.mapping()]
+    for file in files:
+        check_free(file)
     for file, text in zip(files, texts, strict=True):
         write_file(file, text)
         print(f"{text}{file}: read it, and write what is open in place of null")

@@ -124,7 +124,7 @@ def _root(text: str, path: Path) -> ET.Element:
         return builder.close()
     except expat.ExpatError as error:
         raise ConfigurationError(
-            f"{path}: is not valid XML: {error}; mend it"
+            f"{path}: is not valid XML: {error}; give MJCF or URDF"
         ) from None
 
 
