@@ -18,6 +18,7 @@ from cell.perception.strip_measurement import StripMeasurement
 from cell.record.files import CALIBRATION, Keep
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
+from drivers.base.readers import read_yaml
 from drivers.base.types import Array, Frame, Image, Pose
 from policies.path import triangular
 from tests.support.effect_cases import DENIM
@@ -25,16 +26,7 @@ from tests.support.plain_cell import ARM
 from tests.support.requests import CELL
 
 LENGTH, SPEED = 0.6, 0.1
-RESULT = {
-    "outcome": "layer_touch",
-    "t_layer_touch": 7.52,
-    "displacement": -0.0363,
-    "l1": 0.2318,
-    "l2": 0.2681,
-    "duration": 9.4,
-    "confidence": 0.93,
-    "edge_offset": -0.031,
-}
+RESULT = read_yaml(Path(__file__).with_name("result.yaml"))
 HEADER: dict[str, Any] = {
     "strip": "denim",
     "sigma": {

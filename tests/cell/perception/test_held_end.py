@@ -19,6 +19,8 @@ WAY = [(0.585, 0.03, 0.4), (0.565, 0.05, 0.8), (0.54, 0.07, 1.2), (0.515, 0.09, 
 class Hanging:
     """Sees a strip that rises to `end`, if it looks within 35 mm of that."""
 
+    sure = 1.0
+
     def __init__(self, *_: object) -> None:
         self.guesses: list[Pose] = []
 
@@ -29,7 +31,7 @@ class Hanging:
         shares = np.linspace(LENGTH - CONTACT, NEAR, 100 if seen else 0)[:, None]
         curve = (end.x, end.z) - shares * slope
         return StripMeasurement(
-            end.stamp, 0, CONTACT, 1.0, curve, float(seen), (0, 0), 0.0, 0.0
+            end.stamp, 0, CONTACT, 1.0, curve, self.sure * seen, (0, 0), 0.0, 0.0
         )
 
 
@@ -62,3 +64,11 @@ def test_end_that_is_not_where_it_should_be_is_looked_for_nearby(followed) -> No
 
 def pose(place: tuple[float, float, float]) -> dict[str, float]:
     return dict(zip(("x", "z", "pitch"), place, strict=True))
+
+
+def test_an_end_that_is_hardly_seen_is_none(followed) -> None:
+    follow, images = followed
+    images.sure = 0.2
+    found = follow.measure(SimpleNamespace(stamp=0.0, **pose(WAY[0])))
+    assert found.end is None
+    assert found.measurement.confidence == 0.2

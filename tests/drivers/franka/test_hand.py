@@ -138,6 +138,19 @@ def test_hand_that_itself_says_that_it_lost_its_grasp_holds_nothing() -> None:
         assert empty(hand).width == pytest.approx(0.0009)
 
 
+def test_a_request_has_a_number_of_its_own_by_which_its_reply_is_known() -> None:
+    with driven(None, DENIM) as (server, hand, _):
+        answered, answer = [], server.hand._answer
+        server.hand._answer = lambda request, status: (
+            answered.append(request.command_id),
+            answer(request, status),
+        )
+        for move in (hand.open, hand.grasp, hand.open):
+            move()
+            rested(hand)
+        assert len({*answered}) == len(answered) == 3
+
+
 def test_stop_that_is_not_heard_is_repeated() -> None:
     with driven(None, SLOW, deaf=1) as (server, hand, heard):
         hand.grasp()

@@ -20,6 +20,7 @@ from cell.gap.verdict.fit_folder import VERDICT
 from cell.gap.verdict.schema import Verdict, read_verdict
 from drivers.base.child import THREADS
 from drivers.base.errors import CellError
+from drivers.base.readers import read_yaml
 from drivers.strip.describe import load_strip
 from tests.lab.exam import from_state, through_images
 from tests.lab.exam.case import Case, Kind, Tier
@@ -159,10 +160,7 @@ def diagnose(
     return read_verdict(folder / "out" / VERDICT)
 
 
-BARS: dict[Tier, tuple[float, ...]] = {
-    "state": (97.0, 2.0, 90.0, 96.0, 95.0, 80.0, 90.0, 5.0, 95.0, 92.0, 15.0, 60.0),
-    "images": (95.0, 3.0, 88.0, 93.0, 95.0, 75.0, 90.0, 5.0, 95.0, 90.0, 25.0, 120.0),
-}
+BARS: dict[str, list[float]] = read_yaml(Path(__file__).with_name("bars.yaml"))
 
 
 def quantities(tier: Tier) -> tuple[Quantity, ...]:
