@@ -29,7 +29,7 @@ from cell.report.overlay import (
     silhouettes,
     window_on,
 )
-from cell.report.page_verdict import verdict_of, weights
+from cell.report.page_verdict import key_figures, verdict_of
 from cell.report.words import (
     MINUS,
     NO_VALUE,
@@ -96,7 +96,7 @@ def report(run: Run) -> str:
     policy = f", policy {header.policy}" if header.policy else ""
     under_way = files.is_under_way(run.folder)
     truth, spoilt = truth_of(run)
-    said, numbers = verdict_of(run, under_way), weights(run, truth or {})
+    said, numbers = verdict_of(run, under_way), key_figures(run, truth or {})
     died = run.result is None and not under_way and not said.spoilt
     shown, outlook = ShownImages.of(run), Outlook.from_events(run.events())
     outlines = silhouettes(run, shown)

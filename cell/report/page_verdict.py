@@ -122,7 +122,7 @@ class KeyFigure:
         return round(100 * value / largest, 1)
 
 
-def weights(run: Run, truth: Mapping[str, Any]) -> list[KeyFigure]:
+def key_figures(run: Run, truth: Mapping[str, Any]) -> list[KeyFigure]:
     """Main numbers on a fold, such as the offset of its edges, with the simulated
     strip's `truth` on the twin; empty where nothing was measured.
     """
@@ -158,7 +158,7 @@ def _standing(run: Run) -> str:
     """Sentence on whether a fold is normal: among those before it or, of too few,
     beside its prediction.
     """
-    numbers = weights(run, {})
+    numbers = key_figures(run, {})
     first, last = numbers[0], numbers[-1]
     header = run.header
     of = f"of {header.strip} by {header.policy or 'another program'}"

@@ -22,7 +22,7 @@ from cell.record.files import JOINTS, RECORDING, RUN, is_under_way
 from cell.record.run import Run, read_broken_run
 from cell.report.figures import PANELS, READING, STATE_SHADES
 from cell.report.html import jpeg
-from cell.report.page_verdict import verdict_of, weights
+from cell.report.page_verdict import key_figures, verdict_of
 from cell.report.viz import saving, scene
 from cell.report.viz.opening import open_recording
 from cell.report.viz.playback import LogLine, TickView, moments_of
@@ -406,7 +406,7 @@ def layout(
 def _verdict_text(run: Run) -> str:
     """Verdict on `run`, whole, in Markdown."""
     verdict = verdict_of(run)
-    numbers = (f"**{n.text}** {n.name}: {n.tolerance}" for n in weights(run, {}))
+    numbers = (f"**{n.text}** {n.name}: {n.tolerance}" for n in key_figures(run, {}))
     return "\n\n".join([f"## {verdict.headline}", *numbers, *verdict.sentences])
 
 
