@@ -29,8 +29,7 @@ from cell.gap.subject.run_folders import (
 from cell.gap.subject.run_table import complaints, read_table
 from cell.gap.subject.subject import Candidate, Finding, Level, Subject, bad
 from cell.gap.verdict.schema import VerdictPart
-from cell.report.html import page
-from cell.report.page_verdict import PageVerdict
+from cell.report.html import Card, page
 from cell.report.words import plural
 from drivers.base.errors import ConfigurationError
 from drivers.base.readers import read_yaml
@@ -220,7 +219,7 @@ def check_page(
         f"{subject}: check of its runs",
         kicker=f"Check of {plural(len(check.runs), 'run')}",
         name=subject,
-        said=PageVerdict(level, HEADLINES[level], (f"{count} against a fit.",)),
+        said=Card(level, HEADLINES[level], (f"{count} against a fit.",)),
         drawn=drawn,
         groups=[*groups.items()],
     )

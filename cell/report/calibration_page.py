@@ -12,9 +12,8 @@ from calibration.calibration import Calibration, load_calibration
 from calibration.wizard.progress import ENLARGED
 from calibration.wizard.session import PICTURE_FILE, POSES_FILE, VERDICT_FILE
 from cell.record.files import CALIBRATION, REPORT
-from cell.report.html import jpeg_text, page
+from cell.report.html import Card, jpeg_text, page
 from cell.report.overlay import KeyPicture
-from cell.report.page_verdict import PageVerdict
 from cell.report.words import millimetres, milliseconds
 from drivers.base.files import write_file
 from drivers.base.outputs import write_output
@@ -43,7 +42,7 @@ def write_calibration_report(path: Path) -> Path:
     """
     calibration = load_calibration(path)
     good = calibration.residual_mm <= GOOD_RESIDUAL and not calibration.accepted_anyway
-    said = PageVerdict(
+    said = Card(
         "good" if good else "bad",
         "Touched points lie where the image shows them" if good else "Use it with care",
         (f"It was made on {calibration.date[:10]} and has the id {calibration.id}.",),
@@ -77,7 +76,7 @@ def write_session_page(folder: Path) -> Path:
     passed = bool(verdict.get("passed", verdict.get("accepted")))
     lines = [str(line) for line in verdict.get("lines", ())]
     made = folder / CALIBRATION
-    said = PageVerdict(
+    said = Card(
         "good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ()
     )
     text = _page(

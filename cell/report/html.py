@@ -22,6 +22,23 @@ UNITS = "(?:mm|m|ms|s|min|N|mN|g|kg|mrad|rad|deg|px|%|sigma)"  # regular express
 
 
 @dataclass(frozen=True, slots=True)
+class Card:
+    """Card at the head of a page: `headline` states the outcome, `sentences`
+    explain it.
+
+    `figure` and `error` are a number in large print and its error, if any; `tone` is
+    its colour.
+    """
+
+    tone: Tone
+    headline: str
+    sentences: tuple[str, ...]
+    figure: str = ""
+    error: str = ""
+    spoilt: bool = False  # the end is not known because result.yaml cannot be read
+
+
+@dataclass(frozen=True, slots=True)
 class Link:
     """Cell of an HTML table that links to `href`, a path relative to the page."""
 

@@ -9,7 +9,7 @@ from cell.record.files import RESULT, is_under_way
 from cell.record.header import LAID, UNMEASURED, Result
 from cell.record.listing import earlier_results
 from cell.record.run import Run
-from cell.report.html import Tone
+from cell.report.html import Card, Tone
 from cell.report.words import millimetres, outcome_title, plural, seconds
 from drivers.base.errors import in_mm
 
@@ -22,23 +22,6 @@ LEAST_FOLDS = 3  # from which on a fold is normal or not among them
 USUAL = 2.0  # sigma, within which 19 of 20 numbers lie
 FORETOLD = "layers, against their prediction"
 LEAST_SCALE = 0.002  # m, to which numbers are drawn at least
-
-
-@dataclass(frozen=True, slots=True)
-class PageVerdict:
-    """Verdict at the head of a run's page: `headline` states the outcome, `sentences`
-    explain it.
-
-    `figure` and `error` are a number in large print and its error, if any; `tone` is
-    its colour.
-    """
-
-    tone: Tone
-    headline: str
-    sentences: tuple[str, ...]
-    figure: str = ""
-    error: str = ""
-    spoilt: bool = False  # the end is not known because result.yaml cannot be read
 
 
 def verdict(run: Run) -> str:
@@ -181,10 +164,10 @@ def _surprise(fold: Result) -> tuple[float | None, float]:
     return next(((note.difference, note.spread) for note in notes), (None, 0.0))
 
 
-def verdict_of(run: Run, under_way: bool = False) -> PageVerdict:
+def verdict_of(run: Run, under_way: bool = False) -> Card:
     """Verdict on `run`, without the truth that only the twin knows."""
     if under_way:
-        return PageVerdict("fair", "Still under way", (_last_seen(run, "so far"),))
+        return Card("fair", "Still under way", (_last_seen(run, "so far"),))
     result = run.result
     if result is None:
         return _verdict_without_result(run)
@@ -193,7 +176,7 @@ def verdict_of(run: Run, under_way: bool = False) -> PageVerdict:
     return _fold_verdict(run, result, result.displacement)
 
 
-def _fold_verdict(run: Run, result: Result, displacement: float) -> PageVerdict:
+def _fold_verdict(run: Run, result: Result, displacement: float) -> Card:
     """Verdict on a fold: what to do, then what an operator should know."""
     line, doubts = run.header.line, _doubts(result)
     tone = _fold_tone(result, displacement, doubts)
@@ -202,7 +185,7 @@ def _fold_verdict(run: Run, result: Result, displacement: float) -> PageVerdict:
         for event in run.events()
         if event.kind in WARNINGS
     ]
-    return PageVerdict(
+    return Card(
         tone=tone,
         headline=_fold_headline(result, is_half=line is None),
         sentences=(
@@ -266,7 +249,7 @@ def _fold_headline(result: Result, *, is_half: bool) -> str:
     return f"Folded: the edge lies {off} off its place"
 
 
-def _without_displacement(run: Run, result: Result) -> PageVerdict:
+def _without_displacement(run: Run, result: Result) -> Card:
     """Verdict on a run that ended without a displacement."""
     done = result.outcome == "path_done"
     sentences = [_sentence(result.reason), _last_seen(run, "at the end")]
@@ -278,10 +261,10 @@ def _without_displacement(run: Run, result: Result) -> PageVerdict:
             "and start a new run."
         )
     said = tuple(filter(None, sentences))
-    return PageVerdict("fair" if done else "bad", outcome_title(result.outcome), said)
+    return Card("fair" if done else "bad", outcome_title(result.outcome), said)
 
 
-def _verdict_without_result(run: Run) -> PageVerdict:
+def _verdict_without_result(run: Run) -> Card:
     """Verdict on a run whose result is broken, or whose process died before it wrote
     one.
     """
@@ -290,15 +273,13 @@ def _verdict_without_result(run: Run) -> PageVerdict:
         unread = f"What {RESULT} holds cannot be read."
         sentences = (unread, _last_seen(run, "at the last row"))
         headline = "How the run ended cannot be read"
-        return PageVerdict("bad", headline, tuple(filter(None, sentences)), spoilt=True)
+        return Card("bad", headline, tuple(filter(None, sentences)), spoilt=True)
     if ticks.t.size == 0:
         sentence = "The process died before the arm moved; nothing was measured."
-        return PageVerdict("bad", "The process died at the start", (sentence,))
+        return Card("bad", "The process died at the start", (sentence,))
     state = f" in state {ticks.state[-1]}" if ticks.state else ""
     headline = f"The process died at t = {seconds(ticks.t[-1])}{state}"
-    return PageVerdict(
-        "bad", headline, (_last_seen(run, "then"), "There is no result.")
-    )
+    return Card("bad", headline, (_last_seen(run, "then"), "There is no result."))
 
 
 def _sentence(reason: str | None) -> str:

@@ -26,7 +26,7 @@ from cell.report.drawing import (
     canvas,
 )
 from cell.report.figures import NOTE, drawings
-from cell.report.html import Link, jpeg_text, page
+from cell.report.html import Card, Link, jpeg_text, page
 from cell.report.overlay import ShownImages
 from cell.report.page import (
     Rows,
@@ -36,7 +36,7 @@ from cell.report.page import (
     stated_settings,
     truth_of,
 )
-from cell.report.page_verdict import FOLDED_TOLERANCE, PageVerdict
+from cell.report.page_verdict import FOLDED_TOLERANCE
 from cell.report.words import (
     MINUS,
     NO_VALUE,
@@ -113,7 +113,7 @@ def write_imported(
     `summaries` (name, text) of them and `advice` on what to do next; returns `out`.
     """
     title = f"{plural(len(folders), 'run')} imported"
-    said = PageVerdict("good", title, (f"Next: {advice}.",))
+    said = Card("good", title, (f"Next: {advice}.",))
     facts = {"said": said, "summaries": summaries, "runs": drawings(folders)}
     text = page("report/templates/imported.html", title, **facts)
     write_output(out, text)
@@ -239,7 +239,7 @@ def _caption(compared: Compared) -> str:
     return f"{row.short}  ·  {row.policy}  ·  layers touch at {seconds(row.touch)}"
 
 
-def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerdict:
+def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> Card:
     """Verdict that names the run nearest to a fold in half, and the settings that
     differ.
     """
@@ -253,7 +253,7 @@ def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerd
     measured = _nearest_first((one.name, getattr(one.row, key)) for one in compared)
     true = _nearest_first((one.name, one.truth.get(key)) for one in compared)
     if not measured:
-        return PageVerdict("fair", "No run has a displacement", ())
+        return Card("fair", "No run has a displacement", ())
     sentences = [
         f"{what}, by the camera: {_listed(measured)}; up to"
         f" {in_mm(FOLDED_TOLERANCE)} count as folded."
@@ -274,7 +274,7 @@ def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerd
         name for name, offset in measured[:NAMED] if millimetres(abs(offset)) == least
     ]
     comes = "comes nearest" if len(best) == 1 else "come equally near"
-    return PageVerdict(
+    return Card(
         "good",
         f"{' and '.join(best)} {comes} to half: {least} off",
         tuple(sentences),

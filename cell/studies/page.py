@@ -10,8 +10,7 @@ import numpy as np
 
 from cell.record.documents import plain
 from cell.report.drawing import GREEN, INK, MUTED, PAPER, RULE, as_png, as_svg, canvas
-from cell.report.html import Tone, page
-from cell.report.page_verdict import PageVerdict
+from cell.report.html import Card, Tone, page
 from cell.report.words import MINUS, NO_VALUE, millimetres
 from cell.studies.results import MissingPart, RangeFolds, Results, displacements
 from cell.studies.summary import (
@@ -101,7 +100,7 @@ def page_of(results: Results) -> str:
     )
 
 
-def verdict_of(results: Results) -> PageVerdict:
+def verdict_of(results: Results) -> Card:
     """Verdict on the published claim that feedback folds every strip to under
     PAPER_WORST [m].
     """
@@ -109,7 +108,7 @@ def verdict_of(results: Results) -> PageVerdict:
     row = next((row for row in rows(results) if row.policy == "feedback"), None)
     if row is None or row.strips.folded == 0:
         said = "It is made of the policy `feedback`, which folded no strip here."
-        return PageVerdict("fair", "The paper's claim was not tried", (said,))
+        return Card("fair", "The paper's claim was not tried", (said,))
 
     main = next(claims(results))
     strips = row.strips
@@ -124,7 +123,7 @@ def verdict_of(results: Results) -> PageVerdict:
         NOT_IN_SOURCE,
     )
     tone: Tone = "good" if main.held else "bad"
-    return PageVerdict(
+    return Card(
         tone=tone,
         headline=headline,
         sentences=sentences,

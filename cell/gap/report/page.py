@@ -35,8 +35,7 @@ from cell.gap.verdict.compose import significant
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.offered_law import OfferedLaw
 from cell.gap.verdict.schema import CandidateEntry, Gap, Kind, Verdict
-from cell.report.html import Tone, page as document
-from cell.report.page_verdict import PageVerdict as Card
+from cell.report.html import Card, Tone, page as document
 from cell.report.words import (
     NO_VALUE,
     millimetres,
