@@ -64,7 +64,7 @@ def test_units_signs_and_joints_are_told_by_ranges_and_the_models_torques(
     stated["t2"] = stated["t2"] / GEAR
     names = {"t1": "shoulder_torque", "t2": "elbow_torque", "elbow": "elbow"}
     for name, found in names.items():
-        assert back[found] == pytest.approx(stated[name], abs=1e-9)
+        assert back[found] == pytest.approx(stated[name])
     signals = read_yaml(tmp_path / "robot.yaml")["signals"]
     assert signals["elbow_torque"]["side"] == "motor"
 
@@ -85,6 +85,15 @@ def test_what_cannot_be_told_is_open_and_calibrated_servos_turn_by_their_counts(
     columns = signals["columns"]
     assert columns["elbow_torque"]["factor"] is None
     assert columns["elbow"]["factor"] == pytest.approx(spans[1], rel=1e-5)
+
+
+def test_a_set_without_torques_is_simulated_under_its_commands(
+    arm: Path, tmp_path: Path
+) -> None:
+    names = "t", "state.shoulder", "state.elbow", "action.shoulder", "action.elbow"
+    drafted(tmp_path, *logs(arm, tmp_path, names, np.ones(5)))
+    robot = read_yaml(tmp_path / "robot.yaml")
+    assert robot["inputs"] == {"a1": "ctrl", "a2": "ctrl"}
 
 
 def test_tables_without_a_joint_of_the_model_are_refused_with_both_names(

@@ -4,6 +4,7 @@ motion.
 
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 from drivers.base.errors import Fault
+from drivers.base.readers import read_yaml
 from drivers.base.types import frozen
 from drivers.franka.checks import read_description, require_limits
 from drivers.franka.failure import ArmFault
@@ -23,13 +25,7 @@ from drivers.twin.fci_server.wire import Reflex, RobotMode
 from tests.drivers.franka.rig import arm_of, near, served, task
 from tests.support.fci_clients import told_by
 
-NARROWER = {
-    "lower": ('lower="-2.7437"', 'lower="-2.0"'),
-    "upper": ('upper="2.7437"', 'upper="2.0"'),
-    "velocity": ('velocity="2.62"', 'velocity="2.175"'),
-    "velocity_offset": ('velocity_offset="0.3"', 'velocity_offset="0.9"'),
-    "deceleration_limit": ('deceleration_limit="6.0"', 'deceleration_limit="2.0"'),
-}
+NARROWER = read_yaml(Path(__file__).with_name("narrower.yaml"))
 
 
 @pytest.fixture

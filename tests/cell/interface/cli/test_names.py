@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from drivers.base.errors import ConfigurationError, suggestion
+from drivers.base.readers import read_yaml
 from drivers.base.settings import parse
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
@@ -13,10 +14,7 @@ from tests.support.refusals import refusal
 
 ROOT = Path(__file__).resolve().parents[4]
 DENIM = ROOT / "configs" / "strips" / "denim.yaml"
-CONTENT = {
-    "schema": 1, "name": "a", "length": 0.6, "width": 0.05, "areal_density": 0.4,
-    "bending_length": 0.017, "retardation_time": 0.03,
-}  # fmt: skip
+CONTENT = read_yaml(DENIM)
 
 
 def test_misspelt_keys_and_policies_name_what_was_meant(tmp_path: Path) -> None:
